@@ -1,0 +1,1 @@
+"""The person's desk: command line, demo, and later the window."""

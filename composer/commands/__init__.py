@@ -1,0 +1,1 @@
+"""What `brightfield` can do, one file a command."""

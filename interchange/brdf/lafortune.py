@@ -1,0 +1,37 @@
+"""Lafortune's generalized cosine lobes on a Lambertian base.
+
+    f = rho_d / pi + sum_i weight_i max(Cx_i wi.x wo.x + Cy_i wi.y wo.y + Cz_i wi.z wo.z, 0)^n_i
+
+Cx = Cy = -1, Cz = 1 is Phong's mirror lobe; Cz > |Cx| lifts it off the mirror direction towards the normal;
+Cx > 0 makes it retro-reflective; Cx != Cy makes it anisotropic.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from interchange.brdf.base import Brdf
+from interchange.brdf.lambert import Color
+from interchange.parameter import Kind, parameter
+
+
+@dataclass(frozen=True)
+class Lafortune(Brdf):
+    source = "Lafortune et al.: Non-linear approximation of reflectance functions. SIGGRAPH 1997."
+    isotropic = False
+    conserves_energy = False  # weight and C are free
+
+    diffuse: Color = parameter((0.3, 0.3, 0.3), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
+    weight: tuple[Color, ...] = parameter((), "w", "1/sr", 0, 1e3, "lobe height", Kind.COLOR, per_lobe=True)
+    C: tuple[Color, ...] = parameter(
+        (), "C", "1", -2, 2, "lobe weights along tangent, bitangent, normal", Kind.VECTOR, per_lobe=True
+    )
+    n: tuple[float, ...] = parameter((), "n", "1", 0.01, 1e4, "lobe exponent", per_lobe=True)
+
+    def f(self, wi: Any, wo: Any) -> Any:
+        value = self.diffuse / np.pi + 0.0 * wi[2]  # type: ignore[operator]  # one channel
+        for weight, (cx, cy, cz), n in zip(self.weight, self.C, self.n, strict=True):
+            cos = cx * wi[0] * wo[0] + cy * wi[1] * wo[1] + cz * wi[2] * wo[2]
+            value = value + weight * np.power(np.maximum(cos, 0.0), n)
+        return value

@@ -1,0 +1,104 @@
+"""What a model's parameter is: a value with a unit, bounds and a meaning, declared once.
+
+The same declaration feeds the constructor, the check, the editor's slider, the sweep's axis,
+the fit's bounds, the shader's uniforms, the USD attribute and the reference page.
+"""
+
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from interchange.problems import BrightfieldError
+
+
+class Kind(StrEnum):
+    """How many numbers a parameter has, under the name of its USD type."""
+
+    FLOAT = "float"
+    COLOR = "color3f"  # one number a channel
+    VECTOR = "float3"
+
+    @property
+    def width(self) -> int:
+        return 1 if self is Kind.FLOAT else 3
+
+
+@dataclass(frozen=True)
+class Parameter:
+    symbol: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+    kind: Kind = Kind.FLOAT
+    per_lobe: bool = False  # a list with one entry a lobe
+
+
+class ParameterError(BrightfieldError, ValueError):
+    """A parameter outside its declared bounds, or of the wrong shape."""
+
+
+def parameter(
+    default: Any,
+    symbol: str,
+    unit: str,
+    low: float,
+    high: float,
+    meaning: str,
+    kind: Kind = Kind.FLOAT,
+    per_lobe: bool = False,
+) -> Any:
+    """Declare one field of a model, e.g. ``n: float = parameter(20, "n", "1", 0, 1e4, "exponent")``."""
+    about = Parameter(symbol, unit, low, high, meaning, kind, per_lobe)
+    return field(default=default, metadata={"parameter": about})
+
+
+def parameters(model: Any) -> dict[str, Parameter]:
+    """The declared parameters of a model or of its class, by field name, in the order of declaration."""
+    return {f.name: f.metadata["parameter"] for f in fields(model) if "parameter" in f.metadata}
+
+
+def freeze(model: Any) -> None:
+    """Bring a frozen model's parameters to tuples of floats, and check shapes and bounds.
+
+    A colour given as one number stands for all three channels. Raises ParameterError, which names
+    every parameter that is wrong.
+    """
+    wrong: list[str] = []
+    lobes: dict[str, int] = {}
+    for name, about in parameters(model).items():
+        label = f"{type(model).__name__}.{name} ({about.symbol}, {about.meaning})"
+        unit = "" if about.unit == "1" else f" {about.unit}"
+        try:
+            value = np.asarray(getattr(model, name), np.float64)
+        except (TypeError, ValueError):
+            wrong.append(f"{label} must be numbers; got {getattr(model, name)!r}.")
+            continue
+        shape: tuple[int, ...] = () if about.kind is Kind.FLOAT else (3,)
+        if about.per_lobe:
+            value = value.reshape(0, *shape) if value.size == 0 else value
+            lobes[name] = len(value) if value.ndim else -1
+            shape = (max(lobes[name], 0), *shape)
+        if about.kind is Kind.COLOR and value.shape == shape[:-1]:
+            value = np.repeat(value[..., None], 3, axis=-1)
+        if value.shape != shape:
+            wrong.append(f"{label} must have shape {shape}; got {value.shape}.")
+            continue
+        outside = value[~((value >= about.low) & (value <= about.high))]  # written so that NaN is outside
+        if outside.size:
+            wrong.append(
+                f"{label} must lie in [{about.low:g}, {about.high:g}]{unit}; got {outside.flat[0]:g}{unit}."
+            )
+        object.__setattr__(model, name, as_tuple(value))
+    if len(set(lobes.values())) > 1:
+        counts = ", ".join(f"{name} has {count}" for name, count in lobes.items())
+        wrong.append(f"{type(model).__name__} must have as many entries in every lobe parameter; {counts}.")
+    if wrong:
+        raise ParameterError(" ".join(wrong))
+
+
+def as_tuple(value: np.ndarray) -> Any:
+    """Nested tuples of floats, which hash and compare by value."""
+    return tuple(as_tuple(v) for v in value) if value.ndim else float(value)

@@ -1,0 +1,1 @@
+"""The path tracers, one file each."""

@@ -1,0 +1,1 @@
+"""The rasterisers, one file each."""
