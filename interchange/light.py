@@ -14,6 +14,12 @@
 The surface's own radiance follows by the projected area (``radiance``). UsdLux numbers become these at the
 border: L = intensity · 2^exposure · color, divided by the area where ``normalize`` is set.
 
+A dome's texture is latitude-longitude as OpenEXR lays it out: the pole (top row) is +y of the light's frame, the
+image's centre is +z, and longitude grows towards +x on the left: with v = (row + 0.5) / h and u = (column + 0.5) / w,
+direction = (sin(π v) sin λ, cos(π v), sin(π v) cos λ), λ = π (1 - 2 u). A rect's texture stands
+upright for whoever looks into the lamp with +y up: its top-left pixel lies at (+x, +y), its bottom-right one at
+(-x, -y) of the light's frame. Both textures multiply the emission, pixel by pixel (RGB, linear).
+
 Shaping (UsdLux 24.11): a cone around -z, ``focus``, and a measured profile multiply the emission by a factor
 that depends on its direction in the light's frame, ``shaping``.
 """
