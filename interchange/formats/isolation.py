@@ -56,9 +56,9 @@ def isolated(
     start-up cost of the first call. Arguments and result must pickle; the result may hold plain data, NumPy
     arrays and classes of ``interchange``. What the function prints is dropped.
 
-    ``seconds``: wall-clock limit. ``memory_bytes``: what the call may allocate, and how large its result may be.
-    Raises FileError, one sentence a problem: those that the function raised itself, or that it crashed, ran out
-    of time or memory, or raised another exception.
+    ``seconds``: wall-clock limit. ``memory_bytes``: what the call may allocate, and how large its result may
+    be. Raises FileError, one sentence a problem: those that the function raised itself, or that it crashed,
+    ran out of time or memory, or raised another exception.
     """
     if "<" in function.__qualname__ or function.__module__ == "__main__":
         raise TypeError(f"{function.__qualname__} must be importable by its module and name.")
@@ -71,14 +71,16 @@ def isolated(
         finally:
             there.close()
             os.close(write_status)
+        value: Any
         try:
             _send(here, pickle.dumps(job, protocol=5), [])
-            answer = _receive(here, memory_bytes)
+            kind, value = _receive(here, memory_bytes)
         except _TooLarge as error:
             raise _file_error(path, _too_much_memory(memory_bytes)) from error
+        except pickle.UnpicklingError as error:
+            raise _file_error(path, "Its parser sent back what is not data; the file is hostile.") from error
         except OSError:
-            answer = None  # the worker died; the guard says how
-        kind, value = answer or ("", None)
+            kind, value = "", None  # the worker died; the guard says how
         if kind == "value":
             return value
         if kind == "problems":
@@ -199,7 +201,9 @@ def _guard(job_fd: int, status_fd: int) -> None:
         job_socket.close()
         deadline = time.monotonic() + seconds
         tail = b""
+        ended = os.pidfd_open(worker)
         poll = select.poll()
+        poll.register(ended, select.POLLIN)
         poll.register(read_stderr, select.POLLIN)
         poll.register(status_fd, 0)  # POLLERR: the main process hung up
         while True:
@@ -209,10 +213,12 @@ def _guard(job_fd: int, status_fd: int) -> None:
                 status["late"] = True
                 os.kill(worker, signal.SIGKILL)
                 break
-            chunk = os.read(read_stderr, 1 << 16)
-            if not chunk:
+            if read_stderr in events and (chunk := os.read(read_stderr, 1 << 16)):
+                tail = (tail + chunk)[-4096:]
+            elif ended in events:
                 break
-            tail = (tail + chunk)[-4096:]
+            else:
+                poll.unregister(read_stderr)  # closed; the worker goes on
         _, code = os.waitpid(worker, 0)
         if os.WIFSIGNALED(code):
             status["signal"] = os.WTERMSIG(code)
@@ -285,7 +291,7 @@ def _send(sink: socket.socket, data: bytes, buffers: list[pickle.PickleBuffer]) 
 
 
 def _receive(source: socket.socket, limit: int, trusted: bool = False) -> Any:
-    """What ``_send`` sent; raises OSError if the sender died, _TooLarge if it is more than ``limit`` bytes."""
+    """What ``_send`` sent; raises OSError if the sender died, _TooLarge beyond ``limit`` bytes."""
     (count,) = _LENGTH.unpack(_read(source, _LENGTH.size))
     if count > limit // _LENGTH.size:
         raise _TooLarge
