@@ -95,7 +95,7 @@ class Light:
     cone_softness: float = 0.0
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
-    profile: Profile | None = None  # already scaled, where the file asks for it, to unit power
+    profile: Profile | None = None  # scaled, where the file asks for it, to a mean of 1 over all directions
     profile_angle_scale: float = 0.0
     texture: Texture | None = None  # rect: over the face; dome: latitude-longitude
     casts_shadows: bool = True

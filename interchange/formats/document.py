@@ -40,6 +40,9 @@ class Document:
 
     def scene(self, time: float | None = None) -> Scene:
         """The scene at a time code; without one, at the first frame. Raises FileError with every problem."""
+        wrong = errors(self.problems)
+        if wrong:
+            raise FileError(wrong)
         return self._reader.scene(self.times[0] if time is None else time)
 
     def scene_problems(self) -> list[Problem]:

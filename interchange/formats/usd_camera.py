@@ -1,0 +1,99 @@
+"""A UsdGeomCamera with ``sensor:*`` and ``lens:*`` attributes as a ``Camera``."""
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats.usd_values import Finder, rigid
+from interchange.frames import gl_from_camera
+from interchange.parameter import ParameterError
+
+SENSOR = {
+    "sensor:responsivity": "responsivity",
+    "sensor:fullWell": "full_well",
+    "sensor:bitDepth": "bit_depth",
+    "sensor:blackLevel": "black_level",
+    "sensor:readNoise": "read_noise",
+    "sensor:prnu": "prnu",
+    "sensor:dsnu": "dsnu",
+    "sensor:darkCurrent": "dark_current",
+}
+DEFAULT_WIDTH = 640  # px, for a camera that names no resolution
+
+
+def read_camera(prim: Usd.Prim, time: Usd.TimeCode, world_from_prim: np.ndarray, unit: float, find: Finder) -> Camera | None:
+    """``unit``: metres per stage unit. Returns None, with the reasons in ``find``, where a value cannot be."""
+    usd = UsdGeom.Camera(prim)
+    tenth = 0.1 * unit
+    aperture = np.array([usd.GetHorizontalApertureAttr().Get(time), usd.GetVerticalApertureAttr().Get(time)]) * tenth
+    if not (aperture > 0).all():
+        find.error("Apertures must be above 0; got %g x %g mm." % tuple(aperture * 1e3), prim, "horizontalAperture")
+        return None
+    resolution = find.value(prim, "sensor:resolution", time)
+    if resolution is None:
+        resolution = (DEFAULT_WIDTH, max(1, round(DEFAULT_WIDTH * aperture[1] / aperture[0])))
+        find.note(
+            f"The camera names no sensor:resolution; {resolution[0]} x {resolution[1]} px are taken.", prim
+        )
+    width, height = (int(n) for n in resolution)
+    if not (0 < width <= 65536 and 0 < height <= 65536):
+        find.error(f"A resolution must lie in [1, 65536] px; got {width} x {height}.", prim, "sensor:resolution")
+        return None
+    pitch = aperture / (width, height)
+    offset = np.array(
+        [usd.GetHorizontalApertureOffsetAttr().Get(time), usd.GetVerticalApertureOffsetAttr().Get(time)]
+    )
+    offset = offset * tenth / pitch
+    principal = ((width - 1) / 2 - offset[0], (height - 1) / 2 + offset[1])
+    given = {ours: find.value(prim, name, time) for name, ours in SENSOR.items()}
+    distortion = tuple(float(d) for d in find.value(prim, "lens:distortion", time) or ())
+    if len(distortion) > 8 or not np.isfinite(distortion).all():
+        find.error(
+            f"lens:distortion must hold up to eight finite numbers (k1 k2 p1 p2 k3 k4 k5 k6); got {distortion}.",
+            prim,
+            "lens:distortion",
+        )
+        return None
+    f_stop = usd.GetFStopAttr().Get(time)
+    focus = usd.GetFocusDistanceAttr().Get(time) * unit
+    orthographic = usd.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
+    near, far = (c * unit for c in usd.GetClippingRangeAttr().Get(time))
+    if not 0 <= near < far:
+        find.error(f"clippingRange must rise from 0; got ({near / unit:g}, {far / unit:g}).", prim, "clippingRange")
+        return None
+    try:
+        lens = Lens(
+            focal_length=usd.GetFocalLengthAttr().Get(time) * tenth,
+            f_stop=f_stop if focus > 0 else 0.0,  # without a distance in focus, f-stop says exposure alone
+            focus_distance=focus,
+            distortion=distortion + (0.0,) * (8 - len(distortion)),
+            projection=Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
+        )
+        sensor = Sensor(
+            resolution=(width, height),
+            pixel_pitch=(float(pitch[0]), float(pitch[1])),
+            **{name: value for name, value in given.items() if value is not None},
+        )
+    except ParameterError as error:
+        find.error(str(error), prim)
+        return None
+    pose, scale = rigid(world_from_prim)
+    if not np.allclose(scale, scale.mean(), rtol=1e-4):
+        find.error("A camera's transform must not stretch one axis more than another.", prim, "xformOpOrder")
+        return None
+    centred = np.allclose(offset, 0.0, atol=1e-9)
+    return Camera(
+        name=str(prim.GetPath()),
+        world_from_camera=pose @ gl_from_camera,
+        lens=lens,
+        sensor=sensor,
+        principal_point=None if centred else (float(principal[0]), float(principal[1])),
+        clip=(max(near, 1e-6), far),
+        where=find.where(prim),
+    )
+
+
+def is_camera(prim: Any) -> bool:
+    return bool(prim.IsA(UsdGeom.Camera))
