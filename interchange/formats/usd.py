@@ -56,8 +56,9 @@ class UsdFormat(Format):
                 _write_package(document, beside)
             else:
                 layer = Sdf.Layer.CreateNew(str(beside))
-                layer.TransferContent(root)
-                if not root.anonymous and Path(root.realPath).parent.resolve() != path.parent.resolve():
+                packed = root.realPath.endswith(".usdz")  # its inner paths mean nothing outside
+                layer.TransferContent(document.stage.Flatten() if packed else root)
+                if not packed and not root.anonymous and Path(root.realPath).parent.resolve() != path.parent.resolve():
                     _anchor(layer, Path(root.realPath).parent, path.parent)
                 if not layer.Save():
                     raise OSError("USD could not write it")
