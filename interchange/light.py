@@ -150,3 +150,28 @@ class Light:
             phi = np.arctan2(direction[..., 1], direction[..., 0])
             factor = factor * self.profile.evaluate(angle, phi)[..., None]
         return factor
+
+
+def rect_uv(x: np.ndarray, y: np.ndarray, width: float, height: float) -> np.ndarray:
+    """Texture coordinates (..., 2) of the points (x, y), m, of a rect light's face.
+
+    UsdLux: the texture's lowest coordinates are at (+x, +y), its highest at (-x, -y).
+    """
+    return np.stack([0.5 - np.asarray(x) / width, 0.5 - np.asarray(y) / height], axis=-1)
+
+
+def latlong_uv(direction: np.ndarray) -> np.ndarray:
+    """Texture coordinates (..., 2) of a dome light's map that lights from ``direction`` (..., 3), unit, light's frame.
+
+    UsdLux: v = 1 is +y; the map's centre is +z, and +x lies a quarter of its width to the left of that.
+    """
+    x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
+    u = (np.arctan2(z, x) / (2 * np.pi) + 0.25) % 1.0
+    return np.stack([u, 1.0 - np.arccos(np.clip(y, -1.0, 1.0)) / np.pi], axis=-1)
+
+
+def latlong_direction(uv: np.ndarray) -> np.ndarray:
+    """The inverse of ``latlong_uv``: unit directions (..., 3) in the light's frame."""
+    longitude, colatitude = 2 * np.pi * (uv[..., 0] - 0.25), np.pi * (1.0 - uv[..., 1])
+    ring = np.sin(colatitude)
+    return np.stack([ring * np.cos(longitude), np.cos(colatitude), ring * np.sin(longitude)], axis=-1)
