@@ -155,15 +155,14 @@ class Light:
 def rect_uv(x: np.ndarray, y: np.ndarray, width: float, height: float) -> np.ndarray:
     """Texture coordinates (..., 2) of the points (x, y), m, of a rect light's face.
 
-    UsdLux: the texture's lowest coordinates are at (+x, +y), its highest at (-x, -y).
+    The top-left pixel lies at (+x, +y), the bottom-right one at (-x, -y).
     """
-    return np.stack([0.5 - np.asarray(x) / width, 0.5 - np.asarray(y) / height], axis=-1)
+    return np.stack([0.5 - np.asarray(x) / width, 0.5 + np.asarray(y) / height], axis=-1)
 
 
 def latlong_uv(direction: np.ndarray) -> np.ndarray:
-    """Texture coordinates (..., 2) of a dome light's map that lights from ``direction`` (..., 3), unit, light's frame.
-
-    UsdLux: v = 1 is +y; the map's centre is +z, and +x lies a quarter of its width to the left of that.
+    """Texture coordinates (..., 2) of the part of a dome's map that lies in ``direction`` (..., 3), unit, light's
+    frame: v = 1 is +y, the map's centre +z, and +x a quarter of the width to the left of that.
     """
     x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
     u = (np.arctan2(z, x) / (2 * np.pi) + 0.25) % 1.0
