@@ -28,7 +28,8 @@ def commands() -> dict[str, ModuleType]:
 
 def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
-        prog="brightfield", description="A simulator of machine-vision systems whose pixel values mean something."
+        prog="brightfield",
+        description="A simulator of machine-vision systems whose pixel values mean something.",
     )
     words = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, module in commands().items():

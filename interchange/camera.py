@@ -34,7 +34,9 @@ class Sensor:
 
     resolution: tuple[int, int] = (640, 480)  # (width, height), px
     pixel_pitch: tuple[float, float] = (3.45e-6, 3.45e-6)  # (x, y), m
-    responsivity: float = parameter(1.0, "R", "e- m² sr / (W s)", 0, 1e12, "electrons per radiance and second")
+    responsivity: float = parameter(
+        1.0, "R", "e- m² sr / (W s)", 0, 1e12, "electrons per radiance and second"
+    )
     full_well: float = parameter(1e4, "µ_e.sat", "e-", 1, 1e9, "electrons that read as the highest DN")
     bit_depth: int = 12
     black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
@@ -135,7 +137,9 @@ def undistort(x: np.ndarray, y: np.ndarray, d: tuple[float, ...]) -> tuple[np.nd
         r2 = u * u + v * v
         num, den = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
         q = num / den
-        dq = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) * den - num * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / (den * den)
+        dq = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) * den - num * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / (
+            den * den
+        )
         xx = q + 2 * u * u * dq + 2 * p1 * v + 6 * p2 * u
         xy = 2 * u * v * dq + 2 * p1 * u + 2 * p2 * v
         yy = q + 2 * v * v * dq + 6 * p1 * v + 2 * p2 * u

@@ -37,7 +37,18 @@ class Quantity(StrEnum):
         return {"radiance": "W/(m^2 sr)", "irradiance": "W/m^2", "electrons": "e-", "DN": "DN"}[self.value]
 
 
-PASSES = ("depth", "position", "normal", "object_id", "material_id", "motion", "direct", "indirect", "lit", "light")
+PASSES = (
+    "depth",
+    "position",
+    "normal",
+    "object_id",
+    "material_id",
+    "motion",
+    "direct",
+    "indirect",
+    "lit",
+    "light",
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from interchange.material import Texture
 from interchange.problems import Where
@@ -76,8 +77,8 @@ class Profile:
         """The integral of the candela over the sphere (lm), by the trapezium rule on a fine grid."""
         theta = np.linspace(0, np.pi, 721)
         phi = np.linspace(0, 2 * np.pi, 721)
-        rings = np.trapz(self.evaluate(theta[:, None], phi[None, :]), phi, axis=1)
-        return float(np.trapz(rings * np.sin(theta), theta))
+        rings = trapezoid(self.evaluate(theta[:, None], phi[None, :]), phi, axis=1)
+        return float(trapezoid(rings * np.sin(theta), theta))
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,9 @@ class Texture:
     pixels: np.ndarray
     wrap: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT)
     file: str = ""
-    uv_from_st: np.ndarray = field(default_factory=lambda: np.eye(3))  # UsdTransform2d: scale, rotate, translate
+    uv_from_st: np.ndarray = field(
+        default_factory=lambda: np.eye(3)
+    )  # UsdTransform2d: scale, rotate, translate
 
 
 @dataclass(frozen=True)

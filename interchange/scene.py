@@ -52,12 +52,16 @@ class Scene:
         if not name:
             if len(self.cameras) == 1:
                 return self.cameras[0]
-            raise BrightfieldError(f"The scene has {len(self.cameras)} cameras; name one: {self._camera_list()}.")
+            raise BrightfieldError(
+                f"The scene has {len(self.cameras)} cameras; name one: {self._camera_list()}."
+            )
         for camera in self.cameras:
             if name in (camera.name, camera.name.rsplit("/", 1)[-1]):
                 return camera
         hint = did_you_mean(name, [c.name for c in self.cameras])
-        raise BrightfieldError(f'No camera is called "{name}".{hint} There are {self._camera_list()}. ({self.source})')
+        raise BrightfieldError(
+            f'No camera is called "{name}".{hint} There are {self._camera_list()}. ({self.source})'
+        )
 
     def _camera_list(self) -> str:
         return ", ".join(c.name for c in self.cameras)

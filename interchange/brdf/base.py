@@ -39,7 +39,9 @@ class Brdf:
         wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
         i, o = (tuple(np.moveaxis(w, -1, 0)) for w in (wi, wo))
         with np.errstate(all="ignore"):
-            value = np.stack([np.broadcast_to(self.bind(self.flat(), c).f(i, o), i[2].shape) for c in range(3)], -1)
+            value = np.stack(
+                [np.broadcast_to(self.bind(self.flat(), c).f(i, o), i[2].shape) for c in range(3)], -1
+            )
         above = (wi[..., 2] > 0) & (wo[..., 2] > 0)
         return np.where(above[..., None], value, 0.0)
 

@@ -1,6 +1,6 @@
 """An ideal matte surface: the same radiance in every direction.
 
-    f = rho_d / pi
+f = rho_d / pi
 """
 
 from dataclasses import dataclass

@@ -21,7 +21,9 @@ from interchange.parameter import Kind, parameter
 
 @dataclass(frozen=True)
 class UsdPreviewSurface(Brdf):
-    source = "UsdPreviewSurface specification 2.6 and its reference shader previewSurface.glslfx, openusd.org."
+    source = (
+        "UsdPreviewSurface specification 2.6 and its reference shader previewSurface.glslfx, openusd.org."
+    )
     conserves_energy = False  # the clear coat is added without weakening what lies below
 
     diffuseColor: Color = parameter((0.18, 0.18, 0.18), "c_d", "1", 0, 1, "base colour", Kind.COLOR)
@@ -35,6 +37,7 @@ class UsdPreviewSurface(Brdf):
 
     def f(self, wi: Any, wo: Any) -> Any:
         base: Any = self.diffuseColor
+        head_on: Any = self.specularColor
         hx, hy, hz = (a + b for a, b in zip(wi, wo, strict=True))
         length2 = np.square(hx) + np.square(hy) + np.square(hz)
         cos2, sin2 = np.square(hz) / length2, (np.square(hx) + np.square(hy)) / length2
@@ -45,7 +48,7 @@ class UsdPreviewSurface(Brdf):
         tint = 1.0 - self.metallic + base * self.metallic
         metal_f0 = r0 * tint * (1.0 - self.metallic) + tint * self.metallic
         specular = self.useSpecularWorkflow
-        f0 = specular * self.specularColor + (1.0 - specular) * metal_f0
+        f0 = specular * head_on + (1.0 - specular) * metal_f0
         f90 = specular + (1.0 - specular) * tint
         fresnel = f0 + (f90 - f0) * schlick
         matte = base / np.pi * (1.0 - (1.0 - specular) * self.metallic) * (1.0 - fresnel)

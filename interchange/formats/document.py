@@ -84,12 +84,16 @@ def format_of(path: Path) -> Format:
     if not head:
         raise FileError(Problem("The file is empty.", where))
     extension = path.suffix.lower()
-    found = [f for f in formats() if extension in f.extensions] or [f for f in formats() if f.recognises(head)]
+    found = [f for f in formats() if extension in f.extensions] or [
+        f for f in formats() if f.recognises(head)
+    ]
     if found:
         return found[0]
     known = sorted({e for f in formats() for e in f.extensions})
     hint = did_you_mean(extension, known)
-    raise FileError(Problem(f'Files ending in "{extension}" are not known.{hint} Known: {" ".join(known)}.', where))
+    raise FileError(
+        Problem(f'Files ending in "{extension}" are not known.{hint} Known: {" ".join(known)}.', where)
+    )
 
 
 def format_for_writing(path: Path) -> Format:
@@ -97,7 +101,9 @@ def format_for_writing(path: Path) -> Format:
     if found:
         return found[0]
     known = sorted({e for f in formats() if f.writes for e in f.extensions})
-    raise FileError(Problem(f'Nothing is written as "{path.suffix}"; there are {" ".join(known)}.', Where(str(path))))
+    raise FileError(
+        Problem(f'Nothing is written as "{path.suffix}"; there are {" ".join(known)}.', Where(str(path)))
+    )
 
 
 def open_file(path: Path | str, options: Options = Options()) -> Any:  # noqa: B008  # frozen

@@ -60,7 +60,11 @@ def arc(radius: float, z: float, start: float, end: float) -> Profile:
 def revolve(pieces: list[Profile]) -> Mesh:
     """The surface that pieces of a profile sweep round z; each piece is smooth in itself, hard towards the next."""
     phi = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
-    vertices, normals, uvs, faces, base = [], [], [], [], 0
+    vertices: list[np.ndarray] = []
+    normals: list[np.ndarray] = []
+    uvs: list[np.ndarray] = []
+    faces: list[np.ndarray] = []
+    base = 0
     total = sum(np.linalg.norm(np.diff(p, axis=0), axis=1).sum() for p, _ in pieces) or 1.0
     done = 0.0
     for points, normal in pieces:
@@ -79,7 +83,10 @@ def revolve(pieces: list[Profile]) -> Mesh:
         faces.append(np.stack([a, a + s + 1, a + s], axis=-1)[if_high].reshape(-1, 3))
         base, done = base + k * s, done + along[-1]
     return Mesh(
-        np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(normals), np.concatenate(uvs)
+        np.concatenate(vertices),
+        np.concatenate(faces).astype(np.int32),
+        np.concatenate(normals),
+        np.concatenate(uvs),
     )
 
 

@@ -57,7 +57,7 @@ def ear_clip(polygon: np.ndarray) -> np.ndarray:
     left = list(range(len(polygon)))
     triangles = []
     while len(left) > 3:
-        best, score = 0, -np.inf
+        best, found = 0, False
         for i in range(len(left)):
             a, b, c = flat[left[i - 1]], flat[left[i]], flat[left[(i + 1) % len(left)]]
             area = _cross(b - a, c - a)
@@ -65,12 +65,14 @@ def ear_clip(polygon: np.ndarray) -> np.ndarray:
                 continue
             others = flat[[j for j in left if j not in (left[i - 1], left[i], left[(i + 1) % len(left)])]]
             inside = (
-                (_cross(b - a, others - a) > 0) & (_cross(c - b, others - b) > 0) & (_cross(a - c, others - c) > 0)
+                (_cross(b - a, others - a) > 0)
+                & (_cross(c - b, others - b) > 0)
+                & (_cross(a - c, others - c) > 0)
             )
             if not inside.any():
-                best, score = i, area
+                best, found = i, True
                 break
-        if score == -np.inf:
+        if not found:
             best = 0  # a polygon that crosses itself has no ear: any triangle is as right as another
         triangles.append([left[best - 1], left[best], left[(best + 1) % len(left)]])
         del left[best]

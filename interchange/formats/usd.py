@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 from interchange.formats.base import Format, Options
 from interchange.formats.document import Document, written_beside
@@ -40,7 +41,9 @@ class UsdFormat(Format):
             Problem(_plain(str(e)), Where(str(path), str(e.rootSite.path)), Severity.ERROR)
             for e in stage.GetCompositionErrors()
         ]
-        problems += [Problem(_plain(d.commentary), where, Severity.NOTE) for d in _warnings(delegate, problems)]
+        problems += [
+            Problem(_plain(d.commentary), where, Severity.NOTE) for d in _warnings(delegate, problems)
+        ]
         return Document(stage, path, problems)
 
     def write(self, document: Document, path: Path) -> list[Problem]:
@@ -58,7 +61,11 @@ class UsdFormat(Format):
                 layer = Sdf.Layer.CreateNew(str(beside))
                 packed = root.realPath.endswith(".usdz")  # its inner paths mean nothing outside
                 layer.TransferContent(document.stage.Flatten() if packed else root)
-                if not packed and not root.anonymous and Path(root.realPath).parent.resolve() != path.parent.resolve():
+                if (
+                    not packed
+                    and not root.anonymous
+                    and Path(root.realPath).parent.resolve() != path.parent.resolve()
+                ):
                     _anchor(layer, Path(root.realPath).parent, path.parent)
                 if not layer.Save():
                     raise OSError("USD could not write it")
@@ -80,7 +87,7 @@ def probe(path: str) -> list[str]:
     try:
         stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
-        return list(dict.fromkeys(_tf_messages(str(error))))
+        return list(dict.fromkeys(m.removeprefix(f"{path}:") for m in _tf_messages(str(error))))
     for prim in stage.TraverseAll():
         for attribute in prim.GetAuthoredAttributes():
             attribute.GetNumTimeSamples()
@@ -99,9 +106,9 @@ def _plain(text: str) -> str:
     return " ".join(text.split())[:400]
 
 
-def _warnings(delegate: object, known: list[Problem]) -> list[object]:
+def _warnings(delegate: Any, known: list[Problem]) -> list[Any]:
     said = " ".join(p.message for p in known)
-    return [d for d in delegate.TakeUncoalescedDiagnostics() if _plain(d.commentary)[:60] not in said][:20]  # type: ignore[attr-defined]
+    return [d for d in delegate.TakeUncoalescedDiagnostics() if _plain(d.commentary)[:60] not in said][:20]
 
 
 def _anchor(layer: object, old: Path, new: Path) -> None:

@@ -82,7 +82,9 @@ def author_mesh(stage: Usd.Stage, path: str, mesh: Mesh) -> UsdGeom.Mesh:
     points = mesh.vertices / UsdGeom.GetStageMetersPerUnit(stage)
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32)))
     prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.faces.ravel(), np.int32)))
+    prim.CreateFaceVertexIndicesAttr(
+        Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.faces.ravel(), np.int32))
+    )
     prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.normals, np.float32)))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -182,10 +184,15 @@ def _author_texture(shader: UsdShade.Shader, name: str, texture: Texture) -> Non
         m = texture.uv_from_st
         place.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(st)
         angle = float(np.degrees(np.arctan2(m[1, 0], m[0, 0])))
-        scale = (float(np.hypot(m[0, 0], m[1, 0])), float(np.linalg.det(m[:2, :2]) / np.hypot(m[0, 0], m[1, 0])))
+        scale = (
+            float(np.hypot(m[0, 0], m[1, 0])),
+            float(np.linalg.det(m[:2, :2]) / np.hypot(m[0, 0], m[1, 0])),
+        )
         place.CreateInput("rotation", Sdf.ValueTypeNames.Float).Set(angle)
         place.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*scale))
-        place.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(float(m[0, 2]), float(m[1, 2])))
+        place.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(
+            Gf.Vec2f(float(m[0, 2]), float(m[1, 2]))
+        )
         st = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     image = UsdShade.Shader.Define(stage, material.AppendChild(f"Texture_{name}"))
     image.CreateIdAttr("UsdUVTexture")
@@ -198,7 +205,9 @@ def _author_texture(shader: UsdShade.Shader, name: str, texture: Texture) -> Non
         image.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
         image.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))
     color = texture.pixels.shape[2] == 3
-    output = image.CreateOutput("rgb" if color else "r", Sdf.ValueTypeNames.Float3 if color else Sdf.ValueTypeNames.Float)
+    output = image.CreateOutput(
+        "rgb" if color else "r", Sdf.ValueTypeNames.Float3 if color else Sdf.ValueTypeNames.Float
+    )
     kind = {"normal": Sdf.ValueTypeNames.Normal3f}.get(
         name, Sdf.ValueTypeNames.Color3f if color else Sdf.ValueTypeNames.Float
     )
@@ -288,7 +297,9 @@ def author_camera(stage: Usd.Stage, path: str, camera: Camera) -> UsdGeom.Camera
     ):
         prim.CreateAttribute(name, kind, custom=True).Set(value)
     if any(camera.lens.distortion):
-        prim.CreateAttribute("lens:distortion", names.FloatArray, custom=True).Set(list(camera.lens.distortion))
+        prim.CreateAttribute("lens:distortion", names.FloatArray, custom=True).Set(
+            list(camera.lens.distortion)
+        )
     set_matrix(usd, world_matrix(stage, camera.world_from_camera @ camera_from_gl))
     return usd
 
@@ -311,7 +322,9 @@ def author_scene(scene: Scene, meters_per_unit: float = 0.001, frames: Sequence[
     for light in scene.lights:
         prims[1].append(author_light(stage, free_path(stage, "/World", light.name.rsplit("/", 1)[-1]), light))
     for camera in scene.cameras:
-        prims[2].append(author_camera(stage, free_path(stage, "/World", camera.name.rsplit("/", 1)[-1]), camera))
+        prims[2].append(
+            author_camera(stage, free_path(stage, "/World", camera.name.rsplit("/", 1)[-1]), camera)
+        )
     _author_frames(stage, [scene, *frames], prims)
     return stage
 

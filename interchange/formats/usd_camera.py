@@ -23,13 +23,19 @@ SENSOR = {
 DEFAULT_WIDTH = 640  # px, for a camera that names no resolution
 
 
-def read_camera(prim: Usd.Prim, time: Usd.TimeCode, world_from_prim: np.ndarray, unit: float, find: Finder) -> Camera | None:
+def read_camera(
+    prim: Usd.Prim, time: Usd.TimeCode, world_from_prim: np.ndarray, unit: float, find: Finder
+) -> Camera | None:
     """``unit``: metres per stage unit. Returns None, with the reasons in ``find``, where a value cannot be."""
     usd = UsdGeom.Camera(prim)
     tenth = 0.1 * unit
-    aperture = np.array([usd.GetHorizontalApertureAttr().Get(time), usd.GetVerticalApertureAttr().Get(time)]) * tenth
+    aperture = (
+        np.array([usd.GetHorizontalApertureAttr().Get(time), usd.GetVerticalApertureAttr().Get(time)]) * tenth
+    )
     if not (aperture > 0).all():
-        find.error("Apertures must be above 0; got %g x %g mm." % tuple(aperture * 1e3), prim, "horizontalAperture")
+        find.error(
+            "Apertures must be above 0; got %g x %g mm." % tuple(aperture * 1e3), prim, "horizontalAperture"
+        )
         return None
     resolution = find.value(prim, "sensor:resolution", time)
     if resolution is None:
@@ -39,7 +45,9 @@ def read_camera(prim: Usd.Prim, time: Usd.TimeCode, world_from_prim: np.ndarray,
         )
     width, height = (int(n) for n in resolution)
     if not (0 < width <= 65536 and 0 < height <= 65536):
-        find.error(f"A resolution must lie in [1, 65536] px; got {width} x {height}.", prim, "sensor:resolution")
+        find.error(
+            f"A resolution must lie in [1, 65536] px; got {width} x {height}.", prim, "sensor:resolution"
+        )
         return None
     pitch = aperture / (width, height)
     offset = np.array(
@@ -61,7 +69,9 @@ def read_camera(prim: Usd.Prim, time: Usd.TimeCode, world_from_prim: np.ndarray,
     orthographic = usd.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
     near, far = (c * unit for c in usd.GetClippingRangeAttr().Get(time))
     if not 0 <= near < far:
-        find.error(f"clippingRange must rise from 0; got ({near / unit:g}, {far / unit:g}).", prim, "clippingRange")
+        find.error(
+            f"clippingRange must rise from 0; got ({near / unit:g}, {far / unit:g}).", prim, "clippingRange"
+        )
         return None
     try:
         lens = Lens(

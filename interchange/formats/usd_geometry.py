@@ -34,12 +34,19 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode, uv_name: str, find: Finder) ->
     subdivided = usd.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none
     normals = None if subdivided else _normals(usd, time, len(points), len(indices), len(counts), find)
     if subdivided:
-        find.note("The subdivision surface is drawn as its control cage with smooth normals.", prim, "subdivisionScheme")
+        find.note(
+            "The subdivision surface is drawn as its control cage with smooth normals.",
+            prim,
+            "subdivisionScheme",
+        )
     if normals is None:
         from_points = subdivided
         smooth = smooth_normals(points, indices[corners]) if from_points else None
         normals = smooth[indices] if smooth is not None else None
     uv = _corner_uv(prim, time, uv_name, indices, counts, find)
+    plain = _shared(usd, time, points, counts, indices, uv, find) if not subdivided and not holes else None
+    if plain is not None:
+        return [Part(plain, prim)]
     if usd.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         corners = corners[:, ::-1]
         if normals is not None and subdivided:
@@ -56,6 +63,42 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode, uv_name: str, find: Finder) ->
             )
             parts.append(Part(mesh, carrier))
     return parts
+
+
+def _shared(
+    usd: UsdGeom.Mesh,
+    time: Usd.TimeCode,
+    points: np.ndarray,
+    counts: np.ndarray,
+    indices: np.ndarray,
+    uv: np.ndarray | None,
+    find: Finder,
+) -> Mesh | None:
+    """Triangles of one material whose attributes are all by vertex, taken as they are: what we write ourselves."""
+    vertex = (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying)
+    values = usd.GetNormalsAttr().Get(time)
+    bare = not UsdGeom.PrimvarsAPI(usd).HasPrimvar("normals")
+    if not (bare and values and len(values) == len(points) and usd.GetNormalsInterpolation() in vertex):
+        return None
+    if (
+        not len(counts)
+        or (counts != 3).any()
+        or usd.GetOrientationAttr().Get(time) != UsdGeom.Tokens.rightHanded
+    ):
+        return None
+    if UsdShade.MaterialBindingAPI(usd.GetPrim()).GetMaterialBindSubsets():
+        return None
+    by_vertex = None
+    if uv is not None:
+        by_vertex = np.zeros((len(points), 2))
+        by_vertex[indices] = uv
+        if not np.array_equal(by_vertex[indices], uv):
+            return None  # a seam: corners of one vertex differ
+    normals = np.asarray(values, np.float64)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    if (length == 0).any():
+        return None
+    return Mesh(points, indices.reshape(-1, 3).astype(np.int32), normals / length, by_vertex)
 
 
 def _valid(prim: Usd.Prim, points: np.ndarray, counts: np.ndarray, indices: np.ndarray, find: Finder) -> bool:
@@ -130,11 +173,17 @@ def _corner_uv(
     primvar = api.FindPrimvarWithInheritance(name or "st")
     if not (primvar and primvar.HasValue()):
         if name:
-            find.error(f'A texture asks for the coordinates "{name}", which the mesh does not have.', prim, f"primvars:{name}")
+            find.error(
+                f'A texture asks for the coordinates "{name}", which the mesh does not have.',
+                prim,
+                f"primvars:{name}",
+            )
         return None
     values = np.asarray(primvar.ComputeFlattened(time), np.float64)
     if values.ndim != 2 or values.shape[1] < 2:
-        find.error(f"Texture coordinates must be pairs; got shape {values.shape}.", prim, f"primvars:{name or 'st'}")
+        find.error(
+            f"Texture coordinates must be pairs; got shape {values.shape}.", prim, f"primvars:{name or 'st'}"
+        )
         return None
     usd = UsdGeom.Mesh(prim)
     points = len(usd.GetPointsAttr().Get(time) or [])

@@ -45,18 +45,24 @@ def read_light(
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(get("colorTemperature", 6500)))
     number = get("intensity", 1.0) * 2.0 ** get("exposure") * color
     if not np.isfinite(number).all() or (number < 0).any():
-        find.error(f"Emission must be finite and not negative; got {tuple(number)}.", prim, "inputs:intensity")
+        find.error(
+            f"Emission must be finite and not negative; got {tuple(number)}.", prim, "inputs:intensity"
+        )
         return None
     for name in ("diffuse", "specular"):
         if get(name, 1.0) != 1.0:
-            find.loss(f"The unphysical {name} multiplier {get(name):g} is not applied.", prim, f"inputs:{name}")
+            find.loss(
+                f"The unphysical {name} multiplier {get(name):g} is not applied.", prim, f"inputs:{name}"
+            )
 
     pose, scale = rigid(world_from_prim)
     sizes = _sizes(kind, get, scale)
     if any(s < 0 for s in sizes.values()):
         find.error(f"Sizes must not be negative; got {sizes}.", prim)
         return None
-    round_axes = {LightKind.SPHERE: (0, 1, 2), LightKind.DISK: (0, 1), LightKind.CYLINDER: (1, 2)}.get(kind, ())
+    round_axes = {LightKind.SPHERE: (0, 1, 2), LightKind.DISK: (0, 1), LightKind.CYLINDER: (1, 2)}.get(
+        kind, ()
+    )
     stretched = [scale[i] for i in round_axes]
     if stretched and not np.allclose(stretched, stretched[0], rtol=1e-4):
         find.error("A round lamp must be scaled alike along its round axes; this one is stretched.", prim)
@@ -71,7 +77,8 @@ def read_light(
         cone = np.radians(min(get("shaping:cone:angle", 90.0), 180.0))
         softness = min(max(get("shaping:cone:softness"), 0.0), 1.0)
         focus = get("shaping:focus")
-        tint = tuple(float(c) for c in find.value(prim, "inputs:shaping:focusTint", time) or (0, 0, 0))
+        r, g, b = find.value(prim, "inputs:shaping:focusTint", time) or (0, 0, 0)
+        tint = (float(r), float(g), float(b))
         angle_scale = get("shaping:ies:angleScale")
         beam = _profile(prim, time, find, profile)
     face = _texture(prim, time, find, texture) if kind in (LightKind.RECT, LightKind.DOME) else None
@@ -92,13 +99,17 @@ def read_light(
         cone_angle=float(cone),
         cone_softness=softness,
         focus=focus,
-        focus_tint=tint,  # type: ignore[arg-type]  # three numbers
+        focus_tint=tint,
         profile=beam,
         profile_angle_scale=angle_scale,
         texture=face,
         casts_shadows=shadow is not False,
         where=find.where(prim),
-        **sizes,
+        radius=sizes.get("radius", 0.0),
+        width=sizes.get("width", 0.0),
+        height=sizes.get("height", 0.0),
+        length=sizes.get("length", 0.0),
+        angle=sizes.get("angle", 0.0),
     )
 
 
@@ -107,9 +118,15 @@ def _sizes(kind: LightKind, get: Callable[[str, float], float], scale: np.ndarra
         case LightKind.SPHERE | LightKind.DISK:
             return {"radius": get("radius", 0.5) * float(scale[0])}
         case LightKind.RECT:
-            return {"width": get("width", 1.0) * float(scale[0]), "height": get("height", 1.0) * float(scale[1])}
+            return {
+                "width": get("width", 1.0) * float(scale[0]),
+                "height": get("height", 1.0) * float(scale[1]),
+            }
         case LightKind.CYLINDER:
-            return {"radius": get("radius", 0.5) * float(scale[1]), "length": get("length", 1.0) * float(scale[0])}
+            return {
+                "radius": get("radius", 0.5) * float(scale[1]),
+                "length": get("length", 1.0) * float(scale[0]),
+            }
         case LightKind.DISTANT:
             return {"angle": float(np.radians(min(max(get("angle", 0.53), 0.0), 360.0)))}
         case LightKind.DOME:
@@ -153,7 +170,9 @@ def _profile(
         return None
 
 
-def _texture(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, load: Callable[[str], Texture]) -> Texture | None:
+def _texture(
+    prim: Usd.Prim, time: Usd.TimeCode, find: Finder, load: Callable[[str], Texture]
+) -> Texture | None:
     name = "inputs:texture:file"
     written, file = asset(prim.GetAttribute(name), time)
     if not written:
@@ -163,7 +182,9 @@ def _texture(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, load: Callable[[s
         return None
     layout = find.value(prim, "inputs:texture:format", time)
     if layout not in (None, "automatic", "latlong"):
-        find.error(f'Dome textures must be laid out as "latlong"; got "{layout}".', prim, "inputs:texture:format")
+        find.error(
+            f'Dome textures must be laid out as "latlong"; got "{layout}".', prim, "inputs:texture:format"
+        )
         return None
     try:
         return load(file)

@@ -22,7 +22,15 @@ from interchange.problems import FileError, did_you_mean
 TextureLoader = Callable[[str, str, tuple[float, ...], tuple[float, ...], str], Texture]
 
 # what UsdPreviewSurface has beside its reflectance
-BESIDE = {"emissiveColor", "opacity", "opacityThreshold", "normal", "displacement", "occlusion", "opacityMode"}
+BESIDE = {
+    "emissiveColor",
+    "opacity",
+    "opacityThreshold",
+    "normal",
+    "displacement",
+    "occlusion",
+    "opacityMode",
+}
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ def read_material(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, load: Textur
     usd = UsdShade.Material(prim)
     reader = _Reader(time, find, load)
     preview, _, _ = usd.ComputeSurfaceSource()
-    own, _, kind = usd.ComputeSurfaceSource("brdf")
+    own, _, _ = usd.ComputeSurfaceSource("brdf")
     if usd.GetSurfaceOutput("brdf") and own and own.GetPrim() != (preview.GetPrim() if preview else None):
         if own.GetImplementationSource() == UsdShade.Tokens.sourceCode:
             material = Material(glsl=own.GetSourceCode("glsl") or "")
@@ -55,8 +63,11 @@ def read_material(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, load: Textur
         material = Material()
     else:
         others = sorted({o.GetBaseName() for o in usd.GetSurfaceOutputs()})
-        find.note(f"The material has no surface that is known ({', '.join(others) or 'none'}); it is drawn grey.", prim)
-        material = Material(brdf=Lambert(0.18))
+        find.note(
+            f"The material has no surface that is known ({', '.join(others) or 'none'}); it is drawn grey.",
+            prim,
+        )
+        material = Material(brdf=Lambert((0.18, 0.18, 0.18)))
     if preview and preview.GetIdAttr().Get() == "UsdPreviewSurface":
         material = reader.beside(material, preview)
     return Bound(replace(material, name=str(prim.GetPath()), where=find.where(prim)), reader.uv_name)
@@ -71,7 +82,9 @@ class _Reader:
         prim, name = shader.GetPrim(), str(shader.GetIdAttr().Get())
         if name not in BY_NAME:
             known = ", ".join(BY_NAME)
-            self.find.error(f'No BRDF is called "{name}".{did_you_mean(name, BY_NAME)} Known: {known}.', prim, "info:id")
+            self.find.error(
+                f'No BRDF is called "{name}".{did_you_mean(name, BY_NAME)} Known: {known}.', prim, "info:id"
+            )
             return Material()
         model = BY_NAME[name]
         values, maps = {}, {}
@@ -81,7 +94,9 @@ class _Reader:
             if word in BESIDE and model is UsdPreviewSurface:
                 continue
             if word not in declared:
-                self.find.error(f"{name} has no input of this name.{did_you_mean(word, declared)}", prim, f"inputs:{word}")
+                self.find.error(
+                    f"{name} has no input of this name.{did_you_mean(word, declared)}", prim, f"inputs:{word}"
+                )
                 continue
             value, texture = self.input(given, declared[word])
             if texture is not None:
@@ -102,7 +117,9 @@ class _Reader:
         for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
             kind = UsdShade.Utils.GetType(attribute.GetName())
             if kind == UsdShade.AttributeType.Output:
-                return None, self.texture(UsdShade.Shader(attribute.GetPrim()), attribute.GetBaseName(), given)
+                return None, self.texture(
+                    UsdShade.Shader(attribute.GetPrim()), attribute.GetBaseName(), given
+                )
             value = attribute.Get(self.time)
             if value is None:
                 return None, None
@@ -115,7 +132,11 @@ class _Reader:
         prim = shader.GetPrim()
         name = shader.GetIdAttr().Get() if shader else None
         if name != "UsdUVTexture":
-            self.find.error(f'An input can be connected to a UsdUVTexture; this is "{name}".', given.GetPrim(), given.GetFullName())
+            self.find.error(
+                f'An input can be connected to a UsdUVTexture; this is "{name}".',
+                given.GetPrim(),
+                given.GetFullName(),
+            )
             return None
         attribute = self._source(shader, "file")
         written, file = asset(attribute, self.time) if attribute else ("", "")
@@ -177,7 +198,9 @@ class _Reader:
                 return place
             else:
                 break
-        self.find.error("Texture coordinates must come from a UsdPrimvarReader_float2.", texture.GetPrim(), "inputs:st")
+        self.find.error(
+            "Texture coordinates must come from a UsdPrimvarReader_float2.", texture.GetPrim(), "inputs:st"
+        )
         return place
 
     def _transform(self, shader: UsdShade.Shader) -> np.ndarray:
@@ -216,6 +239,8 @@ class _Reader:
                 self.find.loss(f"{word} is not drawn.", preview.GetPrim(), f"inputs:{word}")
         opacity = found.get("opacity", 1.0)
         if not 0.0 <= opacity <= 1.0:
-            self.find.error(f"opacity must lie in [0, 1]; got {opacity:g}.", preview.GetPrim(), "inputs:opacity")
+            self.find.error(
+                f"opacity must lie in [0, 1]; got {opacity:g}.", preview.GetPrim(), "inputs:opacity"
+            )
             found["opacity"] = 1.0
         return replace(material, **found)

@@ -52,7 +52,11 @@ class SceneReader:
     def _read(self, time: float) -> tuple[Scene, Finder]:
         find = Finder(self.file)
         if not (np.isfinite(self.unit) and self.unit > 0):
-            find.error(f"metersPerUnit must be above 0; got {self.unit:g}.", self.stage.GetPseudoRoot(), "metersPerUnit")
+            find.error(
+                f"metersPerUnit must be above 0; got {self.unit:g}.",
+                self.stage.GetPseudoRoot(),
+                "metersPerUnit",
+            )
             return Scene(source=self.file), find
         code = Usd.TimeCode(time)
         walk = _Walk(self, code, find)
@@ -124,7 +128,9 @@ class _Walk:
         self.lights: list[Light] = []
         self.cameras: list[Camera] = []
 
-    def below(self, root: Usd.Prim, world_from_stage: np.ndarray, suffix: str, skip_xform_of: Usd.Prim | None = None) -> None:
+    def below(
+        self, root: Usd.Prim, world_from_stage: np.ndarray, suffix: str, skip_xform_of: Usd.Prim | None = None
+    ) -> None:
         """Read ``root`` and what is below it. ``suffix`` tells instances of a PointInstancer apart; there
         ``skip_xform_of`` is the prototype, whose pose in the stage does not count."""
         undo = np.eye(4)
@@ -174,7 +180,9 @@ class _Walk:
             self._mesh(prim, world, suffix)
         elif prim.IsA(UsdGeom.Gprim):
             changes = _changes(prim)
-            mesh = reader.keep(("gprim", str(prim.GetPath())), changes, self.time, lambda: read_gprim(prim, self.time))
+            mesh = reader.keep(
+                ("gprim", str(prim.GetPath())), changes, self.time, lambda: read_gprim(prim, self.time)
+            )
             if mesh is None:
                 self.find.loss(f"{prim.GetTypeName()} is not drawn; meshes and solids are.", prim)
             else:
@@ -207,7 +215,9 @@ class _Walk:
     ) -> None:
         # body frames are in metres: the stage's unit leaves the pose and enters the mesh
         unit = self.reader.unit
-        metric = self.reader.keep(("metric", id(mesh)), False, self.time, lambda: (_scaled(mesh, unit), mesh))[0]
+        metric = self.reader.keep(
+            ("metric", id(mesh)), False, self.time, lambda: (_scaled(mesh, unit), mesh)
+        )[0]
         pose = world.copy()
         pose[:3, :3] /= unit
         body = Body(str(prim.GetPath()) + suffix, metric, material, pose, self.find.where(prim))
@@ -232,12 +242,18 @@ class _Walk:
         """A surface without a material: its displayColor, else UsdPreviewSurface's own grey."""
         primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
         values = primvar.ComputeFlattened(self.time) if primvar and primvar.HasValue() else None
-        color = tuple(np.clip(np.mean(np.asarray(values, np.float64), axis=0), 0, 1)) if values else (0.18,) * 3
+        color = (
+            tuple(np.clip(np.mean(np.asarray(values, np.float64), axis=0), 0, 1)) if values else (0.18,) * 3
+        )
         if values and len(values) > 1 and np.ptp(np.asarray(values), axis=0).max() > 1e-6:
-            self.find.loss("displayColor changes over the surface; its mean is drawn.", prim, "primvars:displayColor")
+            self.find.loss(
+                "displayColor changes over the surface; its mean is drawn.", prim, "primvars:displayColor"
+            )
         label = "displayColor(%.4g, %.4g, %.4g)" % color
         brdf = UsdPreviewSurface(diffuseColor=color)
-        return self.reader.keep(("unbound", label), False, self.time, lambda: Bound(Material(label, brdf), ""))
+        return self.reader.keep(
+            ("unbound", label), False, self.time, lambda: Bound(Material(label, brdf), "")
+        )
 
     def _instances(self, prim: Usd.Prim, world_from_stage: np.ndarray, suffix: str) -> None:
         instancer = UsdGeom.PointInstancer(prim)
@@ -251,7 +267,9 @@ class _Walk:
         )
         mask = instancer.ComputeMaskAtTime(self.time) or [True] * len(indices)
         if len(transforms) != len(indices):
-            self.find.error("The instancer's positions must be as many as its protoIndices.", prim, "positions")
+            self.find.error(
+                "The instancer's positions must be as many as its protoIndices.", prim, "positions"
+            )
             return
         base = world_from_stage @ matrix(self.xforms.GetLocalToWorldTransform(prim))
         for number, (index, transform) in enumerate(zip(indices, transforms, strict=True)):
@@ -287,8 +305,12 @@ def frame_times(stage: Usd.Stage) -> list[float]:
         first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
         if last >= first and last - first < MAX_FRAMES:
             return [float(t) for t in np.arange(first, last + 0.5)]
-        message = f"endTimeCode must lie 0 to {MAX_FRAMES} frames after startTimeCode; got {first:g} to {last:g}."
-        raise FileError(Problem(message, Finder(stage.GetRootLayer().identifier).where(stage.GetPseudoRoot())))
+        message = (
+            f"endTimeCode must lie 0 to {MAX_FRAMES} frames after startTimeCode; got {first:g} to {last:g}."
+        )
+        raise FileError(
+            Problem(message, Finder(stage.GetRootLayer().identifier).where(stage.GetPseudoRoot()))
+        )
     times: set[float] = set()
     for prim in stage.TraverseAll():
         for attribute in prim.GetAuthoredAttributes():
