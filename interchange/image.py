@@ -2,18 +2,18 @@
 
 Passes (all optional, at the image's resolution, sampled at pixel centres unless said):
 
-| name                  | array             | meaning                                                          |
-|-----------------------|-------------------|------------------------------------------------------------------|
-| ``depth``             | (H, W) float32    | m along the camera's axis; inf where nothing is hit              |
-| ``position``          | (H, W, 3) float32 | world, m; NaN where nothing is hit                               |
-| ``normal``            | (H, W, 3) float32 | world, unit, shading normal, on the side that is seen; NaN likewise |
-| ``object_id``         | (H, W) int32      | index into ``object_names``; -1 where nothing is hit             |
-| ``material_id``       | (H, W) int32      | index into ``material_names``; -1 likewise                       |
-| ``motion``            | (H, W, 2) float32 | px that the surface point moves (column, row) until the next frame |
-| ``direct``            | (H, W, 3) float32 | radiance by light straight from lamps (and emission), pixel mean |
-| ``indirect``          | (H, W, 3) float32 | radiance by light that met other surfaces first, pixel mean      |
-| ``lit:NAME``          | (H, W) float32    | share of lamp NAME that the point sees, 0 in shadow, 1 lit; surfaces that face away 0 |
-| ``light:NAME``        | (H, W, 3) float32 | radiance by lamp NAME alone, pixel mean                          |
+| name | array | meaning |
+|---|---|---|
+| ``depth`` | (H, W) float32 | m along the camera's axis; inf where nothing is hit |
+| ``position`` | (H, W, 3) float32 | world, m; NaN where nothing is hit |
+| ``normal`` | (H, W, 3) float32 | world, unit, shading normal, on the side that is seen; NaN likewise |
+| ``object_id`` | (H, W) int32 | index into ``object_names``; -1 where nothing is hit |
+| ``material_id`` | (H, W) int32 | index into ``material_names``; -1 likewise |
+| ``motion`` | (H, W, 2) float32 | px that the surface point moves (column, row) until the next frame |
+| ``direct`` | (H, W, 3) float32 | radiance by light straight from lamps (and emission), pixel mean |
+| ``indirect`` | (H, W, 3) float32 | radiance by light that met other surfaces first, pixel mean |
+| ``lit:NAME`` | (H, W) float32 | share of lamp NAME that the point sees, 0 in shadow, 1 lit; surfaces that face away 0 |
+| ``light:NAME`` | (H, W, 3) float32 | radiance by lamp NAME alone, pixel mean |
 """
 
 from dataclasses import dataclass, field

@@ -33,8 +33,9 @@ def read_camera(
         np.array([usd.GetHorizontalApertureAttr().Get(time), usd.GetVerticalApertureAttr().Get(time)]) * tenth
     )
     if not (aperture > 0).all():
+        width_mm, height_mm = aperture * 1e3
         find.error(
-            "Apertures must be above 0; got %g x %g mm." % tuple(aperture * 1e3), prim, "horizontalAperture"
+            f"Apertures must be above 0; got {width_mm:g} x {height_mm:g} mm.", prim, "horizontalAperture"
         )
         return None
     resolution = find.value(prim, "sensor:resolution", time)

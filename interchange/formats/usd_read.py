@@ -174,7 +174,7 @@ class _Walk:
         elif prim.IsA(UsdGeom.Camera):
             camera = read_camera(prim, self.time, world, reader.unit, self.find)
             if camera is not None:
-                names = ("world_from_camera", "lens", "sensor", "principal_point", "clip", "t_exp")
+                names = ["world_from_camera", "lens", "sensor", "principal_point", "clip", "t_exp"]
                 self.cameras.append(reader.same(path, camera, names))
         elif prim.IsA(UsdGeom.Mesh):
             self._mesh(prim, world, suffix)
@@ -249,7 +249,7 @@ class _Walk:
             self.find.loss(
                 "displayColor changes over the surface; its mean is drawn.", prim, "primvars:displayColor"
             )
-        label = "displayColor(%.4g, %.4g, %.4g)" % color
+        label = "displayColor({:.4g}, {:.4g}, {:.4g})".format(*color)
         brdf = UsdPreviewSurface(diffuseColor=color)
         return self.reader.keep(
             ("unbound", label), False, self.time, lambda: Bound(Material(label, brdf), "")

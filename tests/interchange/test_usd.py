@@ -198,7 +198,8 @@ def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("up", "expected"), [("Z", [1, 2, 3]), ("Y", [1, -3, 2])])
 def test_up_axis_and_unit_become_metres_with_z_up(tmp_path, up, expected):
-    text = 'def SphereLight "L" { double3 xformOp:translate = (1, 2, 3); uniform token[] xformOpOrder = ["xformOp:translate"] }'
+    text = """def SphereLight "L" { double3 xformOp:translate = (1, 2, 3)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
     light = open_scene(written(tmp_path, text, 0.01, up)).scene().lights[0]
     assert light.world_from_light[:3, 3] == pytest.approx(np.array(expected) * 0.01)
 
