@@ -24,7 +24,9 @@ def difference(a: np.ndarray, b: np.ndarray, full_scale: float) -> np.ndarray:
     """
     x = np.clip((a - b).mean(axis=-1) / full_scale, -1, 1)
     up, down = np.clip(x, 0, 1), np.clip(-x, 0, 1)
-    rgb = np.stack([np.minimum(1, 2 * up), np.maximum(0, 2 * up - 1) + 0.6 * down, np.minimum(1, 2 * down)], -1)
+    rgb = np.stack(
+        [np.minimum(1, 2 * up), np.maximum(0, 2 * up - 1) + 0.6 * down, np.minimum(1, 2 * down)], -1
+    )
     return np.rint(255 * rgb).astype(np.uint8)
 
 

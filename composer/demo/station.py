@@ -57,7 +57,13 @@ def _at(frame: int, bodies: tuple[Body, ...], lights: tuple[Light, ...]) -> Scen
     azimuth = np.radians(-150 + 120 * frame / (FRAMES - 1))
     eye = target + 0.40 * np.array([np.cos(azimuth) * 0.75, np.sin(azimuth) * 0.75, 0.66])
     cameras = (
-        Camera("Top", look_at(np.array([0.0, 0.0, 0.43]), target, up=(0, 1, 0)), Lens(16e-3), SENSOR, clip=(0.01, 5)),
+        Camera(
+            "Top",
+            look_at(np.array([0.0, 0.0, 0.43]), target, up=(0, 1, 0)),
+            Lens(16e-3),
+            SENSOR,
+            clip=(0.01, 5),
+        ),
         Camera("Oblique", look_at(eye, target), Lens(16e-3), SENSOR, clip=(0.01, 5)),
     )
     return Scene(bodies=bodies, lights=lights, cameras=cameras, time=float(frame))
@@ -70,7 +76,8 @@ def _bodies(assets: Path) -> tuple[Body, ...]:
     to_origin[:3, 3] = [-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]]
     metal, black = Material("Aluminium", ALUMINIUM), Material("Anodised", ANODISED)
     lying = tuple(
-        replace(b, name="Part", material=metal, world_from_body=to_origin @ b.world_from_body) for b in part.bodies
+        replace(b, name="Part", material=metal, world_from_body=to_origin @ b.world_from_body)
+        for b in part.bodies
     )
     width = (high - low)[0]
     jaw = _block(0.012, 0.05, 0.022)
