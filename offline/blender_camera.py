@@ -1,0 +1,73 @@
+"""A camera of ours in Blender: its own pinhole where that is exact, else the OSL camera (osl/camera.osl)."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from interchange.camera import Camera, Projection
+from interchange.frames import camera_from_gl
+from offline.blender_matrix import matrix
+from offline.blender_shader import compiled
+from offline.shading import library
+
+SENSOR_WIDTH = 36.0  # mm; only its ratio to the focal length matters
+
+
+class BlenderCamera:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.data = bpy.data.cameras.new("camera")
+        self.object = bpy.data.objects.new("camera", self.data)
+        bpy.context.scene.collection.objects.link(self.object)
+        bpy.context.scene.camera = self.object
+
+    def update(self, camera: Camera, defocus: bool) -> None:
+        """``defocus`` False leaves the pinhole, for passes that are true at pixel centres."""
+        render = bpy.context.scene.render
+        width, height = camera.sensor.resolution
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+        self.object.matrix_world = matrix(camera.world_from_camera @ camera_from_gl)
+        K, lens = camera.K, camera.lens
+        aperture = lens.focal_length / lens.f_stop / 2 if lens.f_stop > 0 and lens.focus_distance > 0 else 0.0
+        if not defocus or lens.projection is not Projection.PERSPECTIVE:
+            aperture = 0.0
+        square = abs(K[0, 0] / K[1, 1] - 1) < 1e-7
+        if square and not any(lens.distortion) and aperture == 0:
+            self._native(camera, K, width, height)
+        else:
+            self._script(camera, K, width, height, aperture)
+
+    def _native(self, camera: Camera, K: np.ndarray, width: int, height: int) -> None:
+        data = self.data
+        data.sensor_fit = "HORIZONTAL"
+        data.clip_start, data.clip_end = camera.clip
+        if camera.lens.projection is Projection.PERSPECTIVE:
+            data.type = "PERSP"
+            data.sensor_width = SENSOR_WIDTH
+            data.lens = K[0, 0] * SENSOR_WIDTH / width
+        else:
+            data.type = "ORTHO"
+            data.ortho_scale = width / K[0, 0]
+        data.shift_x = ((width - 1) / 2 - K[0, 2]) / width
+        data.shift_y = (K[1, 2] - (height - 1) / 2) / width
+
+    def _script(self, camera: Camera, K: np.ndarray, width: int, height: int, aperture: float) -> None:
+        data, lens = self.data, camera.lens
+        if data.type != "CUSTOM":
+            data.type = "CUSTOM"
+        code, digest = compiled(library("camera.osl").join(['#include "stdcycles.h"\n', ""]), self.folder)
+        if data.custom_bytecode_hash != digest:
+            data.custom_bytecode, data.custom_bytecode_hash = code, digest
+        data.clip_start, data.clip_end = 1e-9, camera.clip[1] * 10
+        names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+        values: dict[str, Any] = {
+            "width": width, "height": height, "fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2],
+            **dict(zip(names, lens.distortion, strict=True)),
+            "orthographic": lens.projection is Projection.ORTHOGRAPHIC, "near": camera.clip[0],
+            "aperture": aperture, "focus": lens.focus_distance or 1.0,
+        }  # fmt: skip
+        for name, value in values.items():
+            data.cycles_custom[name] = float(value)
+        data.update_tag()

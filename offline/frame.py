@@ -1,0 +1,73 @@
+"""One frame inside the worker: which runs of Cycles a job takes, and the arrays they leave.
+
+| array        | shape        | meaning                                                    |
+|--------------|--------------|------------------------------------------------------------|
+| ``pixels``   | (H, W, 3)    | radiance                                                   |
+| ``direct``   | (H, W, 3)    | the part that came straight from lamps, and the own glow   |
+| ``truth``    | (H, W, 3)    | octahedral normal and 1 + body at the pixel centre         |
+| ``position`` | (H, W, 3)    | world, at the pixel centre                                 |
+| ``lit``      | (H, W, L)    | share of each lamp that is seen from there                 |
+| ``light``    | (L, H, W, 3) | radiance by each lamp alone                                |
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from offline import blender_render as blender
+from offline.blender_stage import Stage
+from offline.protocol import Job
+
+NO_LAMP = -2
+
+
+def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    began = time.perf_counter()
+    settings, lights = job.settings, job.scene.lights
+    blender.prepare(settings)
+    stage.update(job.scene, job.camera, defocus=True)
+    salt = float(settings.seed % 16384 * 1024)
+    common = {"last": settings.max_bounces, "grid": settings.lamp_grid, "salt": salt}
+    path = folder / "pass.exr"
+    spent = 0.0
+    arrays: dict[str, np.ndarray] = {}
+
+    def run(
+        mode: int, only: int, samples: int, noise: float = 0.0, denoise: bool = False
+    ) -> dict[str, np.ndarray]:
+        nonlocal spent
+        stage.control(mode=mode, only=only, **common)
+        start = time.perf_counter()
+        found = blender.trace(path, samples, noise, denoise)
+        spent += time.perf_counter() - start
+        return found
+
+    def radiance(only: int) -> tuple[np.ndarray, np.ndarray]:
+        found = run(0, only, settings.samples, settings.noise, bool(settings.denoise))
+        return found["Combined"], found["Emission"]
+
+    if job.per_light:
+        glows = any(any(b.material.emission) or b.material.emission_map for b in job.scene.bodies)
+        parts = [radiance(k) for k in range(len(lights))]
+        arrays["light"] = (
+            np.stack([p for p, _ in parts])
+            if parts
+            else np.zeros((0, *job.camera.sensor.resolution[::-1], 3))
+        )
+        if glows or not parts:
+            parts.append(radiance(NO_LAMP))
+        arrays["pixels"] = np.sum([p for p, _ in parts], axis=0)
+        arrays["direct"] = np.sum([d for _, d in parts], axis=0)
+    else:
+        arrays["pixels"], arrays["direct"] = radiance(-1)
+    if job.truth or job.lit:
+        stage.camera.update(job.camera, defocus=False)
+    if job.truth:
+        found = run(1, -1, 1)
+        arrays["truth"], arrays["position"] = found["Combined"], found["Position"]
+    if job.lit:
+        shares = [run(2, k, 1)["Combined"] for k in range(0, len(lights), 3)]
+        arrays["lit"] = np.concatenate([*shares, np.zeros((*job.camera.sensor.resolution[::-1], 0))], axis=-1)
+        arrays["lit"] = arrays["lit"][..., : len(lights)]
+    return arrays, {"render": spent, "total": time.perf_counter() - began}

@@ -1,0 +1,104 @@
+"""Lamps as the array of numbers that osl/lamps.osl reads."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from interchange.light import Light, LightKind
+from interchange.material import Texture
+
+STRIDE = 32
+KINDS = {
+    LightKind.SPHERE: 0,
+    LightKind.DISK: 1,
+    LightKind.RECT: 2,
+    LightKind.CYLINDER: 3,
+    LightKind.DISTANT: 4,
+    LightKind.DOME: 5,
+}
+DOME_ROWS, DOME_COLUMNS = 16, 32  # cells that a textured dome is drawn from
+
+
+def pack(lights: Sequence[Light]) -> list[float]:
+    """``STRIDE`` numbers a lamp, then the tables of profiles and textured domes that they point to."""
+    head: list[float] = []
+    tables: list[float] = []
+    first = STRIDE * len(lights)
+    textures = 0
+    for light in lights:
+        pose = light.world_from_light
+        delta = light.is_delta and light.kind is not LightKind.DOME
+        size = {
+            LightKind.SPHERE: (light.radius, 0.0),
+            LightKind.DISK: (light.radius, 0.0),
+            LightKind.RECT: (light.width, light.height),
+            LightKind.CYLINDER: (light.radius, light.length),
+            LightKind.DISTANT: (min(light.angle, np.pi) / 2, 0.0),
+            LightKind.DOME: (0.0, 0.0),
+        }[light.kind]
+        shaped = (
+            light.cone_angle < np.pi
+            or light.cone_softness > 0
+            or light.focus > 0
+            or light.profile is not None
+        )
+        profile = dome = texture = -1.0
+        if light.profile is not None:
+            profile = first + len(tables)
+            q = light.profile
+            tables += [len(q.horizontal), len(q.vertical), *q.horizontal, *q.vertical, *q.candela.ravel()]
+        if light.texture is not None:
+            texture, textures = float(textures), textures + 1
+            if light.kind is LightKind.DOME:
+                dome = first + len(tables)
+                tables += dome_table(light.texture)
+        mean = 1.0 if light.texture is None else float(np.mean(light.texture.pixels))
+        area = light.projected_area * mean
+        head += [
+            KINDS[light.kind] + (10.0 if delta else 0.0),
+            *pose[:3, 3],
+            *pose[:3, :3].T.ravel(),
+            *size,
+            *(light.intensity if delta else light.radiance),
+            light.cone_angle, light.cone_softness, light.focus, *light.focus_tint, float(shaped),
+            profile, light.profile_angle_scale, texture, float(light.casts_shadows),
+            float(np.hypot(*size)) if light.kind in (LightKind.RECT, LightKind.CYLINDER) else size[0],
+            area if area > 0 else 1.0,
+            dome,
+        ]  # fmt: skip
+    return [float(x) for x in head + tables]
+
+
+def dome_table(texture: Texture) -> list[float]:
+    """Rows, columns, and cumulated chances to draw each cell of a latitude-longitude image, by its light.
+
+    A twentieth of the chances is spread evenly, so that no direction is left out.
+    """
+    h, w = texture.pixels.shape[:2]
+    t, s = (np.arange(n * k) for n, k in ((DOME_ROWS, 8), (DOME_COLUMNS, 8)))
+    rows = ((t + 0.5) / len(t) * h).astype(int)
+    columns = ((s + 0.5) / len(s) * w).astype(int)
+    light = texture.pixels.mean(axis=2)[rows][:, columns].astype(np.float64)
+    sine = np.sin(np.pi * (t + 0.5) / len(t))[:, None]
+    cells = (light * sine).reshape(DOME_ROWS, 8, DOME_COLUMNS, 8).mean(axis=(1, 3))
+    even = sine.reshape(DOME_ROWS, 8).mean(axis=1)[:, None] * np.ones(DOME_COLUMNS)
+    cells = 0.95 * cells / max(cells.sum(), 1e-30) + 0.05 * even / even.sum()
+    marginal = np.concatenate([[0], np.cumsum(cells.sum(1))])
+    conditional = np.concatenate([np.zeros((DOME_ROWS, 1)), np.cumsum(cells, axis=1)], axis=1)
+    conditional /= conditional[:, -1:]
+    return [DOME_ROWS, DOME_COLUMNS, *(marginal / marginal[-1]), *conditional.ravel()]
+
+
+def texture_function(lights: Sequence[Light], file_of: Callable[[Texture], str]) -> str:
+    """OSL's ``color lamp_texture(int k, float s, float t)``: the k-th textured lamp's image, t down."""
+    lines = []
+    for k, light in enumerate(x for x in lights if x.texture is not None):
+        assert light.texture is not None
+        wrap = "periodic" if light.kind is LightKind.DOME else "clamp"
+        kind = "float" if light.texture.pixels.shape[2] == 1 else "color"
+        call = f'({kind})texture("{file_of(light.texture)}", s, t, 0, 0, 0, 0, "interp", "linear", "swrap", "{wrap}", "twrap", "clamp")'
+        lines.append(f"if (k == {k}) c = {call};")
+    body = "\n    ".join(lines)
+    return (
+        f"color lamp_texture(int k, float s, float t)\n{{\n    color c = 1;\n    {body}\n    return c;\n}}\n"
+    )

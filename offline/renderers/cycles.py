@@ -1,0 +1,141 @@
+"""Path tracing by Cycles: the right image, whatever the light does.
+
+Light straight from the lamps is computed at every surface point by shadow rays and the exact BRDF of the
+catalogue; reflected light follows paths whose weights are that BRDF as well, so the mean of the noise is the
+radiance itself for every model (FEASIBILITY's closures are not needed). Lamps without extent leave no noise in
+direct light.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.image import Image, check_passes
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+from offline.passes import assemble
+from offline.process import Worker, WorkerDied
+from offline.protocol import Job, Reply
+from offline.settings import CyclesSettings
+
+TRUTH = {"depth", "position", "normal", "object_id", "material_id", "motion"}
+
+
+class Cycles:
+    """Owns one worker process, warm between frames: what did not change from frame to frame is not sent again.
+
+    ``timeout``: s that a frame may take, None for no limit; ``memory``: bytes that the worker may hold, 0 for no limit.
+    A worker that crashes or exceeds a limit is started anew and the frame tried once more.
+    """
+
+    name = "cycles"
+
+    def __init__(self, timeout: float | None = None, memory: int = 0) -> None:
+        self.timeout, self.memory = timeout, memory
+        self.worker: Worker | None = None
+        self.restarts = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self.worker is not None:
+            self.worker.close()
+            self.worker = None
+
+    def render(
+        self,
+        scene: Scene,
+        camera: Camera,
+        settings: CyclesSettings = CyclesSettings(),  # noqa: B008  frozen
+        passes: Sequence[str] = (),
+        per_light: bool = False,
+        next_scene: Scene | None = None,
+    ) -> Image:
+        """Radiance (H, W, 3) float32, pixel means, with ``passes`` (interchange.image).
+
+        ``per_light`` adds ``light:NAME`` for every lamp. ``next_scene``: the next frame, which pass ``motion`` needs;
+        its camera is the one of the same name. Raises BrightfieldError for what this renderer cannot draw and for a
+        worker that fails twice.
+        """
+        began = time.perf_counter()
+        asked = check_passes(list(passes))
+        per_light = per_light or "light" in asked
+        check(scene, asked, next_scene)
+        job = Job(
+            replace(scene, cameras=(), source=scene.source), camera, settings,
+            truth=bool(TRUTH & set(asked)), lit="lit" in asked, per_light=per_light,
+        )  # fmt: skip
+        reply = self._ask(job)
+        arrays = {name: np.load(path) for name, path in reply.arrays.items()}
+        for path in reply.arrays.values():
+            Path(path).unlink()
+        image_passes = assemble(arrays, scene, camera, asked, per_light, next_scene)
+        made_by: dict[str, Any] = {
+            "renderer": self.name,
+            "version": reply.version,
+            "settings": settings.as_dict(),
+            "scene": scene.source,
+            "scene_digest": scene.digest,
+            "time": scene.time,
+            "camera": camera.name,
+            "seed": settings.seed,
+            "seconds": {**reply.seconds, "all": time.perf_counter() - began},
+            "brdf_residual": {m: 0.0 for m in scene.material_names},  # exact by construction
+        }
+        return Image(
+            pixels=arrays["pixels"],
+            camera=camera,
+            made_by=made_by,
+            passes=image_passes,
+            object_names=scene.object_names,
+            material_names=scene.material_names,
+        )
+
+    def _ask(self, job: Job) -> Reply:
+        causes: list[str] = []
+        for _ in range(2):
+            try:
+                if self.worker is None:
+                    self.worker = Worker(self.memory)
+                reply = self.worker.ask(job, self.timeout)
+            except WorkerDied as death:
+                causes.append(str(death))
+                self.close()
+                self.restarts += 1
+                continue
+            if reply.error:
+                raise BrightfieldError(
+                    f"Cycles could not render the frame at time {job.scene.time:g}: {reply.error}"
+                )
+            return reply
+        raise BrightfieldError(
+            f"Cycles failed twice on the frame at time {job.scene.time:g}: {causes[0]}; then {causes[1]}."
+        )
+
+
+def check(scene: Scene, passes: Sequence[str], next_scene: Scene | None) -> None:
+    """Raise one error for everything in the scene that this renderer cannot draw."""
+    wrong = [
+        f'Material "{b.material.name}" must have a BRDF of the catalogue to be path-traced; it has a GLSL fragment.'
+        f"{f' ({b.material.where})' if str(b.material.where) else ''}"
+        for b in {b.material.name: b for b in scene.bodies if b.material.glsl}.values()
+    ]
+    if "motion" in passes and next_scene is None:
+        wrong.append("Pass motion needs the next frame (next_scene).")
+    names = [light.name for light in scene.lights]
+    if len(set(names)) < len(names) and ({"lit", "light"} & set(passes)):
+        wrong.append("Passes lit and light need lamps of different names.")
+    if wrong:
+        raise BrightfieldError(" ".join(wrong))

@@ -1,0 +1,37 @@
+"""How a path-traced image is made: what decides its noise, its length of paths and its seed."""
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from interchange.parameter import freeze, parameter
+
+
+@dataclass(frozen=True)
+class CyclesSettings:
+    """Hashable, and by ``as_dict`` JSON-able. Two renders with equal settings, scene and machine are equal bit by bit."""
+
+    samples: int = parameter(
+        64, "N", "1", 1, 2**20, "light paths a pixel; with noise > 0 the most a pixel gets"
+    )
+    noise: float = parameter(
+        0.0, "ε", "1", 0, 1, "relative noise at which a pixel is done; 0 gives all N samples"
+    )
+    seed: int = parameter(0, "s", "1", 0, 2**31 - 1, "start of the random numbers")
+    max_bounces: int = parameter(
+        6, "b", "1", 0, 128, "reflections after the first surface; 0 is direct light"
+    )
+    lamp_grid: int = parameter(2, "g", "1", 1, 4, "g² shadow rays to a lamp with extent at the first surface")
+    denoise: int = parameter(
+        0, "d", "1", 0, 1, "1: Open Image Denoise, which changes the image's mean locally"
+    )
+    threads: int = parameter(0, "t", "1", 0, 1024, "processor threads; 0 takes all")
+    tile: int = parameter(2048, "p", "px", 8, 65536, "edge of the tiles in which a large image is made")
+
+    def __post_init__(self) -> None:
+        freeze(self)
+        for f in fields(self):
+            if f.name != "noise":
+                object.__setattr__(self, f.name, round(getattr(self, f.name)))
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)

@@ -1,0 +1,125 @@
+"""The OSL text of a material: its BRDF as traced from the catalogue, its maps, the lamps and the way to sample them.
+
+Every number that may change from frame to frame without changing the text is a socket of the shader
+(``sockets``); the lamps are an array in the text. Nothing here knows Blender.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from interchange.brdf import Brdf
+from interchange.material import Material, Texture, Wrap
+from interchange.parameter import Kind, parameters
+from interchange.shader import OSL, function
+from offline.proposals import proposals
+
+WRAP = {Wrap.BLACK: "black", Wrap.CLAMP: "clamp", Wrap.REPEAT: "periodic", Wrap.MIRROR: "mirror"}
+
+
+@cache
+def library(name: str) -> str:
+    return (files("offline") / "osl" / name).read_text(encoding="utf8")
+
+
+def number(x: float) -> str:
+    """A float literal that OSL reads back to the same single-precision value."""
+    return repr(float(np.float32(x)))
+
+
+def lookup(texture: Texture, file: str, uv: str = "uv") -> str:
+    """OSL expression of ``material.evaluate_texture`` at ``uv``: a color for three channels, a float for one."""
+    m = texture.uv_from_st
+    s, t = (f"({number(r[0])} * {uv}[0] + {number(r[1])} * {uv}[1] + {number(r[2])})" for r in m[:2])
+    kind = "float" if texture.pixels.shape[2] == 1 else "color"
+    return (
+        f'({kind})texture("{file}", {s}, 1 - {t}, 0, 0, 0, 0, "interp", "linear", '
+        f'"swrap", "{WRAP[texture.wrap[0]]}", "twrap", "{WRAP[texture.wrap[1]]}")'
+    )
+
+
+def splits(brdf: Brdf) -> bool:
+    """Whether the model stands on a Lambertian base: f(diffuse) - f(0) = diffuse / pi for every direction."""
+    if "diffuse" not in parameters(brdf) or parameters(brdf)["diffuse"].kind is not Kind.COLOR:
+        return False
+    rng = np.random.default_rng(0)
+    w = np.abs(rng.normal(size=(2, 8, 3))) + 0.1
+    wi, wo = w / np.linalg.norm(w, axis=-1, keepdims=True)
+    slots = brdf.slots()["diffuse"]
+    values = [np.array(brdf.flat()), np.array(brdf.flat())]
+    values[0][slots.start : slots.stop], values[1][slots.start : slots.stop] = 0.0, 0.5
+    i, o = wi.T, wo.T
+    with np.errstate(all="ignore"):
+        low, high = (np.asarray(brdf.bind(list(v), 0).f(tuple(i), tuple(o))) for v in values)
+    return bool(np.allclose(high - low, 0.5 / np.pi, rtol=1e-9, atol=1e-9))
+
+
+def surface(material: Material, lamps: list[float], lamp_count: int, texture_functions: str,
+            see_through: bool, file_of: Callable[[Texture], str]) -> str:  # fmt: skip
+    """The OSL source of ``material`` under ``lamps`` (see ``offline.lamps.pack``). ``file_of`` writes a texture."""
+    brdf = material.brdf
+    count = len(brdf.flat())
+    slots = brdf.slots()
+    maps: list[str] = []
+    for k, (name, texture) in enumerate(material.maps.items()):
+        value = f"m{k}"
+        channels = texture.pixels.shape[2]
+        maps.append(f"{'float' if channels == 1 else 'color'} {value} = {lookup(texture, file_of(texture))};")
+        maps += [
+            f"p[{i}] = {value if channels == 1 else f'{value}[{j % 3}]'};" for j, i in enumerate(slots[name])
+        ]
+    if material.emission_map is not None:
+        maps.append(f"emitted = {lookup(material.emission_map, file_of(material.emission_map))};")
+    if material.opacity_map is not None:
+        text = lookup(material.opacity_map, file_of(material.opacity_map))
+        maps.append(
+            f"opacity = {text.replace('(color)', 'luminance((color)', 1) + ')' if '(color)' in text else text};"
+        )
+    normal_map = ""
+    if material.normal_map is not None:
+        normal_map = (
+            f"color nm = {lookup(material.normal_map, file_of(material.normal_map))};\n"
+            "    vector T0 = normalize(T - dot(T, n) * n);\n"
+            "    n = normalize(nm[0] * T0 + nm[1] * cross(n, T0) + nm[2] * n);"
+        )
+    lobe_count, lobe_code = proposals(brdf)
+    matte = "0"
+    if splits(brdf):
+        d = slots["diffuse"].start
+        matte = f"color(p[{d}], p[{d + 1}], p[{d + 2}])"
+    fill: Mapping[str, str] = {
+        "PARAMETERS": " ".join(f"vector p{k} = 0," for k in range((count + 2) // 3)),
+        "COUNT": str(count),
+        "GATHER": " ".join(f"p[{i}] = p{i // 3}[{i % 3}];" for i in range(count)),
+        "MAPS": "\n    ".join(maps),
+        "NORMAL_MAP": normal_map,
+        "LAMP_NUMBERS": str(max(len(lamps), 1)),
+        "LAMPS": ", ".join(map(number, lamps or [0.0])),
+        "LAMP_COUNT": str(lamp_count),
+        "LOBE_NUMBERS": str(6 * lobe_count),
+        "LOBE_CODE": lobe_code,
+        "MATTE": matte,
+    }
+    text = library("surface.osl")
+    for key, value in fill.items():
+        text = text.replace(f"@{key}@", value)
+    head = f'#include "stdcycles.h"\n#define LOBES {lobe_count}\n#define SEE_THROUGH {int(see_through)}\n'
+    return "\n".join(
+        [head, OSL.power, function(brdf, OSL, "brdf"), texture_functions, library("lamps.osl"),
+         library("lobes.osl"), text]
+    )  # fmt: skip
+
+
+def sockets(material: Material) -> dict[str, Any]:
+    """The values of the shader's sockets that belong to the material."""
+    flat = material.brdf.flat()
+    flat += [0.0] * (-len(flat) % 3)
+    return {
+        **{f"p{i // 3}": tuple(flat[i : i + 3]) for i in range(0, len(flat), 3)},
+        "glow": tuple(material.emission),
+        "cover": float(material.opacity),
+        "cutout": float(material.opacity_threshold),
+    }
