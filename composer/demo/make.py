@@ -8,8 +8,6 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
-from offline.renderers.cycles import Cycles
-from realtime.renderers.rasterizer import Rasterizer
 
 from analysis.agreement import Agreement, agreement, edges
 from composer.demo import pictures
@@ -19,7 +17,9 @@ from interchange.formats.document import Document, open_scene
 from interchange.formats.images import write_png
 from interchange.formats.usd_author import author_scene
 from interchange.image import Image
+from offline.renderers.cycles import Cycles
 from offline.settings import CyclesSettings
+from realtime.renderers.rasterizer import Rasterizer
 
 MIDDLE = 4  # the frame shown large
 TRUTH = ("depth", "normal", "position", "object_id", "material_id", "direct", "indirect")
