@@ -52,9 +52,10 @@ def isolated(
 ) -> R:
     """``function(path, *args)``, called in a process of its own. ``path`` is the file that messages name.
 
-    ``function`` must be importable by its module and name; keep that module's imports few, they are the
-    start-up cost of the first call. Arguments and result must pickle; the result may hold plain data, NumPy
-    arrays and classes of ``interchange``. What the function prints is dropped.
+    ``function`` must be importable by its module and name. Libraries that it imports itself, so that the main
+    process need not, can be named in its module's ``PRELOAD``: they then load once, not once a call. Arguments
+    and result must pickle; the result may hold plain data, NumPy arrays and classes of ``interchange``. What the
+    function prints is dropped.
 
     ``seconds``: wall-clock limit. ``memory_bytes``: what the call may allocate, and how large its result may
     be. Raises FileError, one sentence a problem: those that the function raised itself, or that it crashed,
@@ -177,7 +178,8 @@ def _serve(control_fd: int) -> None:
                 return
             module, sys.path[:] = json.loads(message)
             with contextlib.suppress(Exception):  # the worker imports again, and reports
-                importlib.import_module(module)
+                for name in getattr(importlib.import_module(module), "PRELOAD", ()):
+                    importlib.import_module(name)
             if os.fork() == 0:
                 control.close()
                 _guard(*fds)
