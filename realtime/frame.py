@@ -1,0 +1,160 @@
+"""One image in the making: passes over the bodies, each lit from one point (or a few) of every lamp."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.scene import Scene
+from realtime import lamps, polytope, sampling
+from realtime.gbuffer import GBuffer
+from realtime.lens import lensmap
+from realtime.lighting import Lit, Pass, chunks
+from realtime.passes import Centre, centre, motion
+from realtime.schedule import schedule
+from realtime.shadow_fit import Visible
+from realtime.stages import Stages
+from realtime.target import Target
+from realtime.view import has_depth_of_field, view
+
+LEAST, MOST = 512, 2048  # texels along a side of a shadow map that is fitted to the image
+CUT = 0.5  # opacity from which a surface counts in the passes of the pixels' centres
+MIDDLE = np.zeros(2)
+
+
+class Frame:
+    def __init__(self, stages: Stages, scene: Scene, camera: Camera, samples: int, shadow_side: int) -> None:
+        self.stages, self.scene, self.camera = stages, scene, camera
+        self.lights = [light for light in scene.lights if light.is_on]
+        self.size = camera.sensor.resolution
+        self.lensmap = lensmap(camera)
+        self.blurred = has_depth_of_field(camera)
+        self.plan = schedule(samples, any(map(lamps.is_extended, self.lights)), self.blurred)
+        self.origin = stages.bodies.origin
+        fitted = 1 << int(np.ceil(np.log2(2 * max(self.size))))
+        self.side = shadow_side or int(np.clip(fitted, LEAST, MOST))
+        self.visible = self._visible()
+        rounds = self.plan.passes * self.plan.rounds
+        self.points = [lamps.samples(light, i, rounds, self.origin) for i, light in enumerate(self.lights)]
+        self._ready: dict[int, Lit] = {}
+
+    def radiance(self, alone: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The image (H, W, 3), and each lamp's own by its name if ``alone``."""
+        plan, targets = self.plan, self.stages.targets
+        total = targets.get("total", self.size)
+        own = {light.name: targets.get(f"light:{light.name}", self.size) for light in self.lights if alone}
+        jitters = (sampling.points(plan.passes, 0) - 0.5) / plan.grid
+        spots = sampling.disk(sampling.points(plan.passes, 2)) if self.blurred else np.zeros((plan.passes, 2))
+        weight = 1.0 / (plan.passes * plan.grid**2)
+        for k in range(plan.passes):
+            drawn = self._pass(plan.grid, jitters[k], spots[k])
+            buffer = self._gbuffer(drawn, k)
+            if self.stages.table.emits:
+                self.stages.lighting.add(total.framebuffer, buffer, drawn, [], [], weight)
+            for chunk in chunks(list(self._points_of_pass(k)), alone):
+                target = own[chunk[0].sample.light.name] if alone else total
+                self._light(target, buffer, drawn, chunk, weight, k, lit=False)
+        images = {name: target.read() for name, target in own.items()}
+        targets.keep({"total", *(f"light:{name}" for name in own)})
+        return sum(images.values(), total.read()), images
+
+    def centre_passes(self, wanted: tuple[str, ...], following: Scene | None) -> dict[str, np.ndarray]:
+        """Passes through the pixels' centres."""
+        drawn = self._pass(1, MIDDLE, MIDDLE)
+        buffer = self._gbuffer(drawn, 0, threshold=CUT)
+        seen = centre(self.camera, drawn.view, buffer, self.lensmap, self.origin)
+        found: dict[str, np.ndarray] = {}
+        for name in wanted:
+            match name:
+                case "depth" | "position" | "normal":
+                    found[name] = getattr(seen, name).astype(np.float32)
+                case "object_id":
+                    names = {n: i for i, n in enumerate(self.scene.object_names)}
+                    found[name] = _ids(seen, [names[b.name] for b in self.scene.bodies])
+                case "material_id":
+                    names = {n: i for i, n in enumerate(self.scene.material_names)}
+                    found[name] = _ids(seen, [names[b.material.name] for b in self.scene.bodies])
+                case "motion" if following is not None:
+                    found[name] = motion(seen, self.scene, self.camera, following)
+                case "lit":
+                    found |= self._lit_shares(drawn, buffer)
+        return found
+
+    def _lit_shares(self, drawn: Pass, buffer: GBuffer) -> dict[str, np.ndarray]:
+        """``lit:NAME``: of a lamp's points above the surface's horizon, the share that nothing hides."""
+        found = {}
+        for light, points in zip(self.lights, self.points, strict=True):
+            target = self.stages.targets.get("lit", self.size)
+            for k, at_once in enumerate(points):
+                for chunk in chunks([self._prepare(p, 1.0) for p in at_once], False):
+                    self._light(target, buffer, drawn, chunk, 1.0, k, lit=True)
+            sums = target.read()
+            share = np.divide(
+                sums[..., 0], sums[..., 1], out=np.zeros(sums.shape[:2], np.float32), where=sums[..., 1] > 0
+            )
+            found[f"lit:{light.name}"] = share
+        self.stages.targets.keep({"total"})
+        return found
+
+    def _light(
+        self,
+        target: Target,
+        buffer: GBuffer,
+        drawn: Pass,
+        chunk: list[Lit],
+        weight: float,
+        index: int,
+        lit: bool,
+    ) -> None:
+        maps = [self.stages.shadows.draw(p.frusta, self.side, p.sample, index) for p in chunk if p.frusta]
+        self.stages.lighting.add(target.framebuffer, buffer, drawn, chunk, maps, weight, lit)
+
+    def _pass(self, grid: int, jitter: np.ndarray, spot: np.ndarray) -> Pass:
+        lens = self.camera.lens
+        bounds = self.stages.bodies.bounds
+        seen = view(self.camera, self.origin, bounds, grid, jitter, spot, self.lensmap)
+        aperture = (
+            spot * lens.focal_length / (2 * lens.f_stop * lens.focus_distance) if self.blurred else MIDDLE
+        )
+        return Pass(seen, grid, jitter, aperture, self.lensmap)
+
+    def _gbuffer(self, drawn: Pass, index: int, threshold: float = 0.0) -> GBuffer:
+        uv = self.stages.table.textured
+        return self.stages.gbuffer.draw(drawn.view, uv, drawn.lensmap is not None, index, threshold)
+
+    def _points_of_pass(self, k: int) -> Iterator[Lit]:
+        for points in self.points:
+            if len(points) == 1 and self.plan.passes * self.plan.rounds > 1:  # a lamp without extent
+                yield self._prepare(points[0][0], 1.0)
+                continue
+            for r in range(self.plan.rounds):
+                for point in points[k * self.plan.rounds + r]:
+                    yield self._prepare(point, 1.0 / self.plan.rounds)
+
+    def _prepare(self, point: lamps.Sample, share: float) -> Lit:
+        """The point with its shadow maps' frusta; what shines equally in every pass is prepared once."""
+        key = id(point)
+        if key not in self._ready:
+            shadows = self.stages.shadows
+            frusta = shadows.frusta(point, self.visible) if point.light.casts_shadows else []
+            self._ready[key] = Lit(
+                point, shadows.record(point, frusta, self.side, self.visible.extent), frusta
+            )
+        ready = self._ready[key]
+        return ready if share == 1.0 else ready.scaled(share)
+
+    def _visible(self) -> Visible:
+        """What of the scene the camera can see, a little enlarged for the spread of a pixel and of the lens."""
+        bounds = self.stages.bodies.bounds - self.origin
+        extent = float(np.linalg.norm(bounds[1] - bounds[0]))
+        bounds = bounds + np.array([[-1.0], [1.0]]) * (1e-4 * extent + 1e-9)
+        m = self._pass(1, MIDDLE, MIDDLE).view.clip_from_world
+        wider = 1.12 if self.blurred else 1.02
+        sides = [wider * m[3] + m[0], wider * m[3] - m[0], wider * m[3] + m[1], wider * m[3] - m[1]]
+        planes = np.array([*sides, m[3] - m[2], m[2]])
+        return Visible(bounds, polytope.cut(polytope.box(bounds), planes))
+
+
+def _ids(seen: Centre, by_body: list[int]) -> np.ndarray:
+    table = np.array([*by_body, -1], np.int32)  # body -1 finds the last entry
+    return table[seen.body]

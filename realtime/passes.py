@@ -1,0 +1,90 @@
+"""Passes of an image from one G-buffer through the pixels' centres, in 64 bits.
+
+Depth, position, normal and ids are those of the surface that the pixel's own ray meets: the facet's plane is met
+exactly, also under a distorting lens.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from interchange.camera import Camera, undistort
+from interchange.frames import apply
+from interchange.scene import Scene
+from realtime.gbuffer import NOTHING, GBuffer
+from realtime.lens import Lensmap
+from realtime.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Centre:
+    """What the pixels' centres show. ``body`` (H, W) index into the scene's bodies, -1 where nothing is;
+    ``depth`` (H, W), ``position`` and ``normal`` (H, W, 3), NaN where nothing is."""
+
+    body: np.ndarray
+    depth: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+
+
+def centre(
+    camera: Camera, view: View, buffer: GBuffer, lensmap: Lensmap | None, origin: np.ndarray
+) -> Centre:
+    """Read a G-buffer back."""
+    plane, frame = (
+        np.frombuffer(t.read(), np.float32).reshape(view.size[1], view.size[0], 4)
+        for t in (buffer.plane, buffer.frame)
+    )
+    width, height = camera.sensor.resolution
+    column, row = np.meshgrid(np.arange(width), np.arange(height))
+    if lensmap is None:
+        d = view.rays(np.stack([column, row], -1) + 0.5)
+        q = plane[..., 0].astype(np.float64)
+        found = plane[..., 3] > NOTHING
+    else:
+        K = camera.K
+        d = np.stack(
+            undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1], camera.lens.distortion), -1
+        )
+        window = d * view.focal + view.centre
+        finite = np.isfinite(window).all(axis=-1)
+        texel = np.where(finite[..., None], np.floor(np.nan_to_num(window)), 0).astype(int)
+        inside = finite & (texel >= 0).all(axis=-1) & (texel < view.size).all(axis=-1)
+        i, j = np.where(inside, texel[..., 1], 0), np.where(inside, texel[..., 0], 0)
+        plane, frame = plane[i, j], frame[i, j]
+        off = window - (texel + 0.5)
+        q = plane[..., 0] + np.where(inside, plane[..., 1] * off[..., 0] + plane[..., 2] * off[..., 1], 0)
+        found = inside & (plane[..., 3] > NOTHING)
+    with np.errstate(all="ignore"):
+        z = q if view.telecentric else 1 / q
+        xy = d if view.telecentric else d * z[..., None]
+        position = apply(view.world_from_eye, np.concatenate([xy, z[..., None]], axis=-1)) + origin
+    return Centre(
+        body=np.where(found, plane[..., 3], -1).astype(np.int32),
+        depth=np.where(found, z, np.inf),
+        position=np.where(found[..., None], position, np.nan),
+        normal=np.where(found[..., None], _from_octahedral(frame[..., :2].astype(np.float64)), np.nan),
+    )
+
+
+def _from_octahedral(code: np.ndarray) -> np.ndarray:
+    x, y = code[..., 0], code[..., 1]
+    z = 1 - np.abs(x) - np.abs(y)
+    sx, sy = np.where(x >= 0, 1.0, -1.0), np.where(y >= 0, 1.0, -1.0)
+    n = np.stack([np.where(z < 0, (1 - np.abs(y)) * sx, x), np.where(z < 0, (1 - np.abs(x)) * sy, y), z], -1)
+    return n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def motion(seen: Centre, scene: Scene, camera: Camera, following: Scene) -> np.ndarray:
+    """(H, W, 2) px that each surface point moves until ``following``: bodies and camera both move. Bodies are matched
+    by their place in the scene; NaN where nothing is seen, or where the body is gone."""
+    height, width = seen.body.shape
+    there = next((c for c in following.cameras if c.name == camera.name), camera)
+    moved = np.full((height, width, 3), np.nan)
+    for i, body in enumerate(scene.bodies):
+        mask = seen.body == i
+        if not mask.any() or i >= len(following.bodies) or following.bodies[i].name != body.name:
+            continue
+        to_body = np.linalg.inv(body.world_from_body)
+        moved[mask] = apply(following.bodies[i].world_from_body @ to_body, seen.position[mask])
+    return (there.project(moved) - camera.project(seen.position)).astype(np.float32)

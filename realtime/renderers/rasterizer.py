@@ -1,0 +1,130 @@
+"""Brightfield's own rasteriser: a scene and a camera to linear radiance, by OpenGL.
+
+Each pass draws the bodies once, through one spot of every pixel (and of the lens), and lights what is seen from one
+point of every lamp, with a shadow map from that point; the mean over the passes is the image. Haeberli, Akeley: The
+accumulation buffer: hardware support for high-quality rendering. SIGGRAPH 1990.
+
+Light that met another surface first is not drawn.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from types import TracebackType
+
+import moderngl
+
+from interchange.camera import Camera
+from interchange.image import PASSES, Image, Quantity, check_passes
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+from realtime.context import headless_context, reversed_depth
+from realtime.frame import Frame
+from realtime.stages import Stages
+from realtime.view import has_depth_of_field
+
+GIVES = tuple(p for p in PASSES if p != "indirect")  # the passes that this renderer can give
+
+
+class Rasterizer:
+    """Keeps what it uploaded from one image to the next; records that are the same objects are not uploaded again.
+
+    ``context``: a window's moderngl context, or None for one without a window (EGL). ``shadow_resolution``: texels
+    along a side of a shadow map; 0 fits it to the image. BrightfieldError where OpenGL cannot be started.
+    """
+
+    def __init__(self, context: moderngl.Context | None = None, shadow_resolution: int = 0) -> None:
+        self._own = context is None
+        self.context = context if context is not None else headless_context()
+        self.shadow_resolution = shadow_resolution
+        with reversed_depth(self.context):
+            self.gl = str(self.context.info["GL_RENDERER"])
+            self._stages = Stages.create(self.context)
+
+    @property
+    def uploads(self) -> Counter[str]:
+        """How often each kind of record was uploaded or drawn so far: mesh, texture, profile, materials, transforms,
+        shadow map."""
+        return self._stages.uploads.counts
+
+    def render(
+        self,
+        scene: Scene,
+        camera: Camera,
+        passes: Sequence[str] = (),
+        per_light: bool = False,
+        samples: int = 16,
+        next_scene: Scene | None = None,
+    ) -> Image:
+        """Linear radiance (H, W, 3) float32 and the passes asked for, as interchange.image defines them.
+
+        ``samples``: spots of a pixel, of each lamp and of the lens that the mean is taken over; 1 is the pixel's
+        centre, lit from the lamps' middles: fast, with hard shadows and edges. ``per_light`` is the pass ``light``.
+        ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
+        a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
+        """
+        wanted = wanted_passes(passes, per_light, next_scene)
+        if samples < 1:
+            raise BrightfieldError(f"A pixel must have at least one sample; got {samples}.")
+        if samples == 1 and has_depth_of_field(camera):
+            raise BrightfieldError(
+                f"A thin lens (f_stop {camera.lens.f_stop:g}) needs more than 1 sample a pixel; take more, or "
+                f"f_stop 0 for an image that is sharp everywhere. ({camera.where or camera.name})"
+            )
+        with reversed_depth(self.context):
+            stages = self._stages
+            stages.uploads.begin()
+            stages.bodies.update(scene.bodies)
+            for profile in (light.profile for light in scene.lights):
+                if profile is not None:
+                    stages.uploads.profile(profile)
+            stages.shadows.expire()
+            stages.uploads.end()
+            frame = Frame(stages, scene, camera, samples, self.shadow_resolution)
+            pixels, alone = frame.radiance("light" in wanted)
+            found = {f"light:{name}": image for name, image in alone.items()}
+            if "direct" in wanted:
+                found["direct"] = pixels
+            if set(wanted) - {"direct", "light"}:
+                found |= frame.centre_passes(wanted, next_scene)
+        made_by = {
+            "renderer": "rasterizer",
+            "samples": samples,
+            "seed": 0,
+            "shadow_resolution": frame.side,
+            "scene": scene.digest,
+            "time": scene.time,
+            "gl": self.gl,
+        }
+        return Image(
+            pixels, Quantity.RADIANCE, camera, made_by, found, scene.object_names, scene.material_names
+        )
+
+    def release(self) -> None:
+        """Give all memory of the GPU back; the object is of no use afterwards."""
+        with reversed_depth(self.context):
+            self._stages.release()
+        if self._own:
+            self.context.release()
+
+    def __enter__(self) -> "Rasterizer":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+def wanted_passes(passes: Sequence[str], per_light: bool, next_scene: Scene | None) -> tuple[str, ...]:
+    """The passes to make; BrightfieldError where one is unknown or cannot be given. ``all`` leaves out ``light``, and
+    ``motion`` where no next frame is given."""
+    if "indirect" in passes:
+        raise BrightfieldError(
+            f"The rasteriser draws direct light only and has no pass indirect; it gives {', '.join(GIVES)}."
+        )
+    if "motion" in passes and next_scene is None:
+        raise BrightfieldError("The pass motion needs the next frame's scene, and none was given.")
+    wanted = [p for p in check_passes(tuple(passes)) if p in GIVES]
+    if next_scene is None and "motion" in wanted:
+        wanted.remove("motion")
+    return tuple(dict.fromkeys([*wanted, *(["light"] if per_light else [])]))

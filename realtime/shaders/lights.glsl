@@ -1,0 +1,129 @@
+// One lamp's sample: its direction, its irradiance on a plane that faces it, and whether it is seen.
+// A record of realtime.lamps: STRIDE vec4 a lamp; FACES shadow maps of 8 vec4 each follow from MAPS on.
+
+struct Arrival {
+    vec3 direction;  // towards the lamp, world
+    vec3 power;      // W/m² on a plane that faces it, before shadow
+};
+
+#define RECORD(k, i) lights[(k) * STRIDE + (i)]
+
+#if defined(MODE_SPHERE)
+// Directions evenly over the solid angle of the sphere: exact at any distance.
+Arrival arrival(int k, vec3 p)
+{
+    vec3 to = RECORD(k, 0).xyz - p;
+    float d2 = dot(to, to), radius = RECORD(k, 0).w;
+    vec3 axis = to * inversesqrt(d2);
+    float sin2 = min(radius * radius / d2, 1.0), cosine = sqrt(1.0 - sin2);
+    float gap = sin2 / (1.0 + cosine) * RECORD(k, 2).w;  // 1 - cos of the sample's angle
+    vec2 around = RECORD(k, 3).w * vec2(cos(RECORD(k, 4).w), sin(RECORD(k, 4).w));
+#if defined(FACES) && FACES == 6
+    vec3 a = abs(to);
+    vec3 reference = a.x >= a.y && a.x >= a.z ? vec3(sign(to.x), 0.0, 0.0)
+        : a.y >= a.z ? vec3(0.0, sign(to.y), 0.0) : vec3(0.0, 0.0, sign(to.z));
+#else
+    vec3 reference = -RECORD(k, 8).xyz;
+#endif
+    vec3 e1, e2;
+    basis(reference, e1, e2);
+    vec3 mid = (reference + axis) / (1.0 + max(dot(reference, axis), -0.999));
+    e1 -= dot(e1, axis) * mid;
+    e2 -= dot(e2, axis) * mid;
+    vec3 l = normalize(axis * (1.0 - gap) + sqrt(max(gap * (2.0 - gap), 0.0)) * (e1 * around.x + e2 * around.y));
+    return Arrival(l, radius * radius >= d2 ? vec3(0.0) : RECORD(k, 1).xyz * (2.0 / (d2 * (1.0 + cosine))));
+}
+#elif defined(MODE_POINT)
+Arrival arrival(int k, vec3 p)
+{
+    vec3 to = RECORD(k, 0).xyz - p;
+    float d2 = dot(to, to);
+    return Arrival(to * inversesqrt(d2), RECORD(k, 1).xyz / d2);
+}
+#elif defined(MODE_PLANAR)
+// A point of a disk or rect: radiance times the cosine at the lamp times its share of the area over distance².
+Arrival arrival(int k, vec3 p)
+{
+    vec3 to = RECORD(k, 0).xyz - p;
+    float d2 = dot(to, to);
+    vec3 l = to * inversesqrt(d2);
+    return Arrival(l, RECORD(k, 1).xyz * (max(dot(l, RECORD(k, 4).xyz), 0.0) / d2));
+}
+#elif defined(MODE_CYLINDER)
+// A point of the arc that faces p, at one spot of the axis; its sine is spread evenly.
+Arrival arrival(int k, vec3 p)
+{
+    vec3 x = RECORD(k, 2).xyz, to_axis = p - RECORD(k, 0).xyz;
+    float radius = RECORD(k, 0).w;
+    vec3 across = to_axis - x * dot(to_axis, x);
+    float rho = length(across), widest = sqrt(max(1.0 - radius * radius / (rho * rho), 0.0));
+    vec3 u = across / rho, v = cross(x, u);
+    float s = RECORD(k, 2).w * widest, c = sqrt(1.0 - s * s);
+    vec3 outward = c * u + s * v;
+    vec3 to = RECORD(k, 0).xyz + radius * outward - p;
+    float d2 = dot(to, to);
+    vec3 l = to * inversesqrt(d2);
+    float power = widest * max(-dot(outward, l), 0.0) / (c * d2);
+    return Arrival(l, rho > radius ? RECORD(k, 1).xyz * power : vec3(0.0));
+}
+#elif defined(MODE_DIRECTION)
+Arrival arrival(int k, vec3 p)
+{
+    return Arrival(RECORD(k, 0).xyz, RECORD(k, 1).xyz);
+}
+#endif
+
+#ifdef SHAPED
+// interchange.light.Light.shaping; l points to the lamp.
+vec3 shaping(int k, vec3 l)
+{
+    vec3 d = -vec3(dot(RECORD(k, 2).xyz, l), dot(RECORD(k, 3).xyz, l), dot(RECORD(k, 4).xyz, l));
+    float theta = atan(length(d.xy), -d.z);
+    float start = RECORD(k, 5).x, end = RECORD(k, 5).y;
+    float t = clamp((theta - start) / max(end - start, 1e-12), 0.0, 1.0);
+    float cone = end > start ? 1.0 - t * t * (3.0 - 2.0 * t) : (theta <= end ? 1.0 : 0.0);
+    float share = RECORD(k, 5).z == 0.0 ? 1.0 : pow(abs(d.z), RECORD(k, 5).z);
+    vec3 factor = cone * (share + (1.0 - share) * RECORD(k, 6).xyz);
+#ifdef PROFILED
+    float scale = RECORD(k, 5).w;
+    float angle = scale > 0.0 ? theta / scale : scale < 0.0 ? (theta - 3.14159265359) / -scale + 3.14159265359 : theta;
+    factor *= candela(k, angle, atan(d.y, d.x));
+#endif
+    return factor;
+}
+#endif
+
+#ifdef FACES
+// The share of the four nearest texels that see p: each compares with the receiver's own plane at its centre,
+// so that a facet never shades itself and no depth offset parts a shadow from what casts it.
+float seen(int k, vec3 p, vec3 facet)
+{
+#if FACES == 6
+    vec3 to = p - RECORD(k, 0).xyz, a = abs(to);
+    int face = a.x >= a.y && a.x >= a.z ? (to.x > 0.0 ? 0 : 1) : a.y >= a.z ? (to.y > 0.0 ? 2 : 3) : (to.z > 0.0 ? 4 : 5);
+    vec2 tile = vec2(float(face % 3), float(face / 3));
+#else
+    const int face = 0;
+    const vec2 tile = vec2(0.0);
+#endif
+    int m = MAPS + 8 * face;
+    vec4 setting = RECORD(k, 7);  // texels a side, world size of a texel (at unit depth), smallest offset
+    if (setting.x == 0.0) return 1.0;
+    float depth = dot(RECORD(k, m + 3), vec4(p, 1.0));
+    p += facet * (0.2 * setting.y * abs(depth) + setting.z);
+    vec4 q = vec4(p, 1.0);
+    depth = dot(RECORD(k, m + 3), q);
+    vec3 c = vec3(dot(RECORD(k, m), q), dot(RECORD(k, m + 1), q), dot(RECORD(k, m + 2), q)) / depth;
+    vec4 plane = vec4(facet, -dot(facet, p));
+    float across = dot(RECORD(k, m + 6), plane);
+    vec2 slope = -vec2(dot(RECORD(k, m + 4), plane), dot(RECORD(k, m + 5), plane)) / across;
+    vec2 at = (c.xy * 0.5 + 0.5) * setting.x - 0.5, base = floor(at), f = at - base;
+    if (depth <= 0.0 || any(lessThan(base, vec2(0.0))) || any(greaterThanEqual(base + 1.0, vec2(setting.x)))) return 1.0;
+    slope *= 2.0 / setting.x;
+    float here = c.z - dot(slope, f);
+    vec4 receiver = vec4(here + slope.y, here + slope.x + slope.y, here + slope.x, here);
+    vec4 caster = textureGather(shadow_map[k], (base + 1.0 + tile * setting.x) / vec2(textureSize(shadow_map[k], 0)));
+    vec4 free = vec4(lessThanEqual(caster, receiver));
+    return mix(mix(free.w, free.z, f.x), mix(free.x, free.y, f.x), f.y);
+}
+#endif

@@ -1,0 +1,19 @@
+// Depth alone; surfaces that let light through leave holes at random.
+#ifdef OPACITY
+in vec2 st;
+flat in float body;
+uniform float opacity;
+uniform float threshold;
+uniform int sample_index;
+#endif
+
+void main()
+{
+#ifdef OPACITY
+    float share = opacity;
+#ifdef OPACITY_MAP
+    share = sampled(opacity_map, opacity_map_uv, opacity_map_wrap, st).x;
+#endif
+    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, uint(body) + 7919u), sample_index)) discard;
+#endif
+}

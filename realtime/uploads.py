@@ -1,0 +1,136 @@
+"""What lies in the GPU's memory: meshes, textures and photometric profiles, kept as long as a scene refers to them.
+
+Records compare by identity. Every store holds a reference to the record, so that an identity is not reused,
+and releases what the latest scenes no longer name.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from interchange.light import Profile
+from interchange.material import Texture, Wrap
+from interchange.mesh import Mesh
+from realtime.closed import is_closed
+
+VERTEX_FORMAT = "3f 3f 4f 2f"
+VERTEX_NAMES = ("position", "normal", "tangent", "uv")
+CULL_FROM = 2000  # faces from which it pays to find out whether a mesh is closed
+
+
+@dataclass(eq=False)
+class Geometry:
+    """A mesh on the GPU; ``closed``: its back faces can never be seen from outside."""
+
+    mesh: Mesh
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    closed: bool
+    bounds: np.ndarray  # (2, 3), body frame
+
+    def release(self) -> None:
+        self.vertices.release()
+        self.indices.release()
+
+
+@dataclass(eq=False)
+class Picture:
+    """A texture on the GPU, with the numbers by which the shader finds its way in it."""
+
+    record: Texture | Profile
+    texture: moderngl.Texture
+    uv_from_st: tuple[float, ...] = ()  # column by column
+    wrap: tuple[int, int] = (0, 0)
+
+    def release(self) -> None:
+        self.texture.release()
+
+
+class Uploads:
+    """``counts`` says how often each kind of thing was uploaded, for whoever asks whether the cache works."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.context = context
+        self.counts: Counter[str] = Counter()
+        self._kept: dict[int, Any] = {}
+        self._used: set[int] = set()
+
+    def begin(self) -> None:
+        self._used.clear()
+
+    def end(self) -> None:
+        """Release what was not asked for since ``begin``."""
+        for key in [k for k in self._kept if k not in self._used]:
+            self._kept.pop(key).release()
+
+    def release(self) -> None:
+        self.begin()
+        self.end()
+
+    def geometry(self, mesh: Mesh) -> Geometry:
+        return self._get(mesh, self._upload_mesh)
+
+    def bounds(self, mesh: Mesh) -> np.ndarray:
+        """(2, 3) of an uploaded mesh, body frame."""
+        return self.geometry(mesh).bounds
+
+    def picture(self, texture: Texture) -> Picture:
+        return self._get(texture, self._upload_texture)
+
+    def profile(self, profile: Profile) -> Picture:
+        return self._get(profile, self._upload_profile)
+
+    def _get(self, record: Any, upload: Any) -> Any:
+        key = id(record)
+        self._used.add(key)
+        if key not in self._kept:
+            self._kept[key] = upload(record)
+            self.counts[type(record).__name__.lower()] += 1
+        return self._kept[key]
+
+    def _upload_mesh(self, mesh: Mesh) -> Geometry:
+        count = len(mesh.vertices)
+        rows = np.zeros((count, 12), np.float32)
+        rows[:, :3], rows[:, 3:6] = mesh.vertices, mesh.normals
+        rows[:, 6:9], rows[:, 9] = mesh.tangents, handedness(mesh)
+        if mesh.uv is not None:
+            rows[:, 10:] = mesh.uv
+        closed = len(mesh.faces) >= CULL_FROM and is_closed(mesh.vertices, mesh.faces)
+        faces = np.ascontiguousarray(mesh.faces, np.int32)
+        return Geometry(
+            mesh,
+            self.context.buffer(rows.tobytes() or bytes(48)),
+            self.context.buffer(faces.tobytes() or bytes(12)),
+            closed,
+            mesh.bounds if count else np.zeros((2, 3)),
+        )
+
+    def _upload_texture(self, record: Texture) -> Picture:
+        height, width, channels = record.pixels.shape
+        data = np.ascontiguousarray(record.pixels, np.float32).tobytes()
+        texture = self.context.texture((width, height), channels, data, dtype="f4")
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        order = list(Wrap)
+        matrix = tuple(float(x) for x in np.asarray(record.uv_from_st, np.float64).T.ravel())
+        return Picture(record, texture, matrix, (order.index(record.wrap[0]), order.index(record.wrap[1])))
+
+    def _upload_profile(self, record: Profile) -> Picture:
+        table = np.zeros((len(record.horizontal) + 1, len(record.vertical) + 1), np.float32)
+        table[0, 1:], table[1:, 0], table[1:, 1:] = record.vertical, record.horizontal, record.candela
+        texture = self.context.texture((table.shape[1], table.shape[0]), 1, table.tobytes(), dtype="f4")
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return Picture(record, texture)
+
+
+def handedness(mesh: Mesh) -> np.ndarray:
+    """(V,) +1 where v grows along normal x tangent, -1 where the texture is mirrored: a normal map's green."""
+    if mesh.uv is None or not len(mesh.faces):
+        return np.ones(len(mesh.vertices))
+    uv = mesh.uv[mesh.faces]
+    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    det = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
+    total = np.bincount(mesh.faces.ravel(), np.repeat(det, 3), minlength=len(mesh.vertices))
+    return np.where(total < 0, -1.0, 1.0)
