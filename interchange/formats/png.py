@@ -9,7 +9,6 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -36,6 +35,8 @@ class Decoded:
 
 def decode(data: bytes) -> Decoded:
     """Samples of 1, 2, 4 bits are widened to 8 (0 .. 255), palettes to RGB or RGBA. Raises DamagedImage."""
+    import cv2
+
     chunks = _chunks(data)
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 13:
         raise DamagedImage("its first chunk is not a header")
