@@ -61,6 +61,7 @@ class BlenderCamera:
         if data.custom_bytecode_hash != digest:
             data.custom_bytecode, data.custom_bytecode_hash = code, digest
         data.clip_start, data.clip_end = 1e-9, camera.clip[1] * 10
+        data.shift_x = data.shift_y = 0.0  # Blender shifts this kind as well
         names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
         values: dict[str, Any] = {
             "width": width, "height": height, "fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2],

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from interchange.light import Light, LightKind
-from interchange.material import Texture
+from interchange.material import Texture, Wrap, evaluate_texture
 
 STRIDE = 32
 KINDS = {
@@ -74,11 +74,10 @@ def dome_table(texture: Texture) -> list[float]:
 
     A twentieth of the chances is spread evenly, so that no direction is left out.
     """
-    h, w = texture.pixels.shape[:2]
-    t, s = (np.arange(n * k) for n, k in ((DOME_ROWS, 8), (DOME_COLUMNS, 8)))
-    rows = ((t + 0.5) / len(t) * h).astype(int)
-    columns = ((s + 0.5) / len(s) * w).astype(int)
-    light = texture.pixels.mean(axis=2)[rows][:, columns].astype(np.float64)
+    t, s = (np.arange(n * 8) for n in (DOME_ROWS, DOME_COLUMNS))
+    uv = np.stack(np.meshgrid((s + 0.5) / len(s), 1 - (t + 0.5) / len(t)), axis=-1)
+    around = Texture(texture.pixels, (Wrap.REPEAT, Wrap.CLAMP))
+    light = evaluate_texture(around, uv).mean(axis=-1)
     sine = np.sin(np.pi * (t + 0.5) / len(t))[:, None]
     cells = (light * sine).reshape(DOME_ROWS, 8, DOME_COLUMNS, 8).mean(axis=(1, 3))
     even = sine.reshape(DOME_ROWS, 8).mean(axis=1)[:, None] * np.ones(DOME_COLUMNS)
