@@ -22,6 +22,7 @@ from lxml import etree
 from pxr import Gf, Sdf, Usd, Vt
 
 from interchange.formats.collada.library import Library
+from interchange.formats.usd_values import Finder
 
 PROFILE = "brightfield"
 KEPT = "collada:extra"
@@ -114,7 +115,7 @@ def _parsed(element: Any, kind: Any, lib: Library) -> Any:
     numbers = (element.text or "").split()
     if isinstance(default, bool):
         values = np.array([n in ("1", "true") for n in numbers], bool)
-    elif isinstance(default, int):
+    elif np.asarray(default).dtype.kind in "iu":
         values = np.array(numbers, np.int64)
     else:
         values = np.array(numbers, np.float64)
@@ -144,7 +145,7 @@ def _path(text: str, element: Any, lib: Library) -> str:
     return "" if path is None else str(path)
 
 
-def prim_element(prim: Usd.Prim, names: list[str], folder: Path, root: Any = None) -> Any:
+def prim_element(prim: Usd.Prim, names: list[str], folder: Path, find: Finder, root: Any = None) -> Any:
     """A <prim> with the named attributes. ``folder``: of the file, which paths become relative to."""
     element = etree.Element("prim", type=str(prim.GetTypeName()))
     apis = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
@@ -153,6 +154,9 @@ def prim_element(prim: Usd.Prim, names: list[str], folder: Path, root: Any = Non
     for name in names:
         attribute = prim.GetAttribute(name)
         kind = attribute.GetTypeName()
+        if not Sdf.ValueTypeNames.Find(str(kind)):
+            find.loss(f'The attribute is of the unknown type "{kind}" and is left out.', prim, name)
+            continue
         child = etree.SubElement(element, "attribute", name=name, type=str(kind))
         if attribute.IsCustom():
             child.set("custom", "1")

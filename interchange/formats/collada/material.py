@@ -39,6 +39,7 @@ class Materials:
 
     def __init__(self, stage: Usd.Stage, lib: Library, animations: Animations) -> None:
         self.stage, self.lib, self.animations = stage, lib, animations
+        self.scope = "/World/Materials"
         self._made: dict[Any, UsdShade.Material | None] = {}
         self._read: dict[Any, Appearance | None] = {}
 
@@ -61,13 +62,24 @@ class Materials:
             self._made[key] = self._author(material, appearance, dict(bound))
         return self._made[key]
 
+    def unused(self) -> None:
+        """Author the materials that nothing wears where this program wrote them; note the others."""
+        used = {material for material, _ in self._made}
+        for material in self.lib.main.iterfind("library_materials/material"):
+            if material in used:
+                continue
+            extra = own_extra(material)
+            if extra is not None and extra.find("prim") is not None:
+                self._author(material, Appearance("lambert"), {})
+            else:
+                self.lib.find.note("Nothing wears this material; it is left out.", material)
+
     def _author(
         self, material: Any, appearance: Appearance, bound: dict[str, str]
     ) -> UsdShade.Material | None:
-        scope = "/World/Materials"
-        if not self.stage.GetPrimAtPath(scope):
-            self.stage.DefinePrim(scope, "Scope")
-        path = free_path(self.stage, scope, material.get("id") or material.get("name") or "material")
+        if not self.stage.GetPrimAtPath(self.scope):
+            self.stage.DefinePrim(self.scope, "Scope")
+        path = free_path(self.stage, self.scope, material.get("id") or material.get("name") or "material")
         extra = own_extra(material)
         if extra is not None and extra.find("prim") is not None:
             usd = UsdShade.Material.Define(self.stage, path)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from interchange.formats.collada.extra import own_extra
 from interchange.formats.collada.findings import Findings
@@ -47,7 +47,8 @@ def read(path: Path) -> tuple[Usd.Stage, list[Problem]]:
     scenes, shown = _visual_scenes(lib)
     find.check()
     if len(scenes) == 1:
-        graph.author(scenes[0], "/World")
+        graph.author(scenes[0], _root(stage, scenes[0], graph))
+        _set_default_prim(stage, scenes[0])
     for frame, scene in enumerate(scenes if len(scenes) > 1 else []):
         root = free_path(stage, "/World", scene.get("id") or scene.get("name") or "scene")
         prim = UsdGeom.Xform.Define(stage, root)
@@ -57,6 +58,7 @@ def read(path: Path) -> tuple[Usd.Stage, list[Problem]]:
             visibility.Set("inherited" if time == frame else "invisible", time)
         graph.author(scene, root)
     find.check()
+    graph.materials.unused()
     graph.undo_scales()
     set_intensities(stage, graph.lamps, lib)
     _set_frames(stage, graph, len(scenes), shown)
@@ -88,6 +90,38 @@ def _visual_scenes(lib: Library) -> tuple[list[Any], Any]:
     return scenes, shown
 
 
+def _root(stage: Usd.Stage, scene: Any, graph: SceneGraph) -> str:
+    """The prim that holds a scene's nodes: /World, or what this program wrote ("" for the top)."""
+    given = _written_default(scene)
+    if given is None:
+        return "/World"
+    name, holds = given.get("name", ""), given.get("holds")
+    if name and not Sdf.Path.IsValidIdentifier(name):
+        graph.lib.find.error(f'"{name}" is no name of a prim.', given)
+        return "/World"
+    stage.RemovePrim("/World")
+    root = f"/{name}" if holds == "all" and name else ""
+    if root:
+        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, root).GetPrim())
+    graph.materials.scope = f"{root}/Materials"
+    return root
+
+
+def _set_default_prim(stage: Usd.Stage, scene: Any) -> None:
+    given = _written_default(scene)
+    if (
+        given is not None
+        and (prim := stage.GetPrimAtPath(f"/{given.get('name', '')}"))
+        and not prim.IsPseudoRoot()
+    ):
+        stage.SetDefaultPrim(prim)
+
+
+def _written_default(scene: Any) -> Any:
+    extra = own_extra(scene)
+    return None if extra is None else extra.find("default_prim")
+
+
 def _note_libraries(lib: Library) -> None:
     for child in lib.main:
         if any(word in child.tag for word in NOT_DRAWN) and len(child):
@@ -115,13 +149,19 @@ def _set_frames(stage: Usd.Stage, graph: SceneGraph, scenes: int, shown: Any) ->
             return
     if moving is None:
         return
+    stage.SetTimeCodesPerSecond(graph.animations.fps)
+    if (
+        extra is not None
+        and extra.find("frames_per_second") is not None
+        and extra.find("start_time_code") is None
+    ):
+        return  # written here, from a stage that did not say where it starts and ends
     first, last = np.floor(moving[0] + 1e-3), np.ceil(moving[1] - 1e-3)
     if not last - first < MOST_FRAMES:
         find.error(
             f"An animation may be {MOST_FRAMES} frames long; this one lasts from {first:g} to {last:g}."
         )
         return
-    stage.SetTimeCodesPerSecond(graph.animations.fps)
     stage.SetStartTimeCode(first)
     stage.SetEndTimeCode(max(first, last))
 

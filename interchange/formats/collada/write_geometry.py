@@ -96,13 +96,13 @@ class Shapes:
                 self.out.find.loss(f"{prim.GetTypeName()} is not written; meshes and solids are.", prim)
                 return None
             self.out.find.loss(f"The {prim.GetTypeName()} is written as its triangles.", prim)
-            return _triangles(prim, [(prim, mesh)])
+            return self._triangles(prim, [(prim, mesh)], time)
         if usd.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
             self.out.find.loss(
                 "The subdivision surface is written as its control cage with smooth normals.", prim
             )
             parts = read_mesh(prim, time, "", self.out.find)
-            return _triangles(prim, [(p.prim, p.mesh) for p in parts]) if parts else None
+            return self._triangles(prim, [(p.prim, p.mesh) for p in parts], time) if parts else None
         points = np.asarray(usd.GetPointsAttr().Get(time) or [], np.float32).reshape(-1, 3)
         counts = np.asarray(usd.GetFaceVertexCountsAttr().Get(time) or [], np.int64)
         indices = np.asarray(usd.GetFaceVertexIndicesAttr().Get(time) or [], np.int64)
@@ -123,6 +123,30 @@ class Shapes:
         order = order[np.repeat(keep, counts)]
         layers = [Layer(x.semantic, x.params, x.values, x.index[order], x.set) for x in layers]
         return Polygons(points, counts[keep], indices[order], layers, _parts(prim, keep, time), names)
+
+    def _triangles(self, prim: Usd.Prim, meshes: list[tuple[Usd.Prim, Any]], time: Usd.TimeCode) -> Polygons:
+        """Meshes of the program as one set of polygons."""
+        starts = np.cumsum([0, *(len(m.vertices) for _, m in meshes)])
+        points = np.concatenate([m.vertices for _, m in meshes]).astype(np.float32)
+        normals = np.concatenate([m.normals for _, m in meshes]).astype(np.float32)
+        indices = np.concatenate(
+            [m.faces.astype(np.int64).ravel() + s for (_, m), s in zip(meshes, starts[:-1], strict=True)]
+        )
+        layers = [Layer("NORMAL", "X Y Z", normals, indices)]
+        uv = all(m.uv is not None for _, m in meshes)
+        if uv:
+            values = np.concatenate([m.uv for _, m in meshes]).astype(np.float32)
+            layers.append(Layer("TEXCOORD", "S T", values, indices, 0))
+        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        colors = np.asarray((primvar.ComputeFlattened(time) if primvar else None) or [], np.float64)
+        if len(colors):
+            if len(colors) > 1:
+                self.out.find.loss("Of colours that change over the surface the mean is written.", prim)
+            mean = colors.mean(axis=0).astype(np.float32)[None]
+            layers.append(Layer("COLOR", "R G B", mean, np.zeros(len(indices), np.int64)))
+        faces = np.repeat(np.arange(len(meshes)), [len(m.faces) for _, m in meshes])
+        parts = [(carrier, faces == k) for k, (carrier, _) in enumerate(meshes)]
+        return Polygons(points, np.full(len(faces), 3), indices, layers, parts, ["st"] if uv else [])
 
     def _normals(
         self,
@@ -213,7 +237,7 @@ class Shapes:
         from lxml import etree
 
         names = foreign_attributes(prim)
-        return etree.tostring(prim_element(prim, names, self.out.folder)) if names else b""
+        return etree.tostring(prim_element(prim, names, self.out.folder, self.out.find)) if names else b""
 
     def _write(self, prim: Usd.Prim, polygons: Polygons, symbols: dict[Sdf.Path, str]) -> Shape:
         out = self.out
@@ -252,7 +276,7 @@ class Shapes:
             for set_, uv in enumerate(polygons.uv):
                 add(technique, "texcoord", set=str(set_), name=uv)
             if names:
-                technique.append(prim_element(prim, names, out.folder))
+                technique.append(prim_element(prim, names, out.folder, out.find))
         add_name(geometry, prim)
         add_kept_extras(geometry, prim)
         return Shape(name, symbols, polygons.uv)
@@ -283,24 +307,6 @@ def _parts(prim: Usd.Prim, keep: np.ndarray, time: Usd.TimeCode) -> list[tuple[U
         rest &= ~mine
         found.append((subset.GetPrim(), mine[keep]))
     return [(prim, rest[keep]), *found] if rest.any() or not found else found
-
-
-def _triangles(prim: Usd.Prim, meshes: list[tuple[Usd.Prim, Any]]) -> Polygons:
-    """Meshes of the program as one set of polygons."""
-    starts = np.cumsum([0, *(len(m.vertices) for _, m in meshes)])
-    points = np.concatenate([m.vertices for _, m in meshes]).astype(np.float32)
-    normals = np.concatenate([m.normals for _, m in meshes]).astype(np.float32)
-    indices = np.concatenate(
-        [m.faces.astype(np.int64).ravel() + s for (_, m), s in zip(meshes, starts[:-1], strict=True)]
-    )
-    layers = [Layer("NORMAL", "X Y Z", normals, indices)]
-    uv = all(m.uv is not None for _, m in meshes)
-    if uv:
-        values = np.concatenate([m.uv for _, m in meshes]).astype(np.float32)
-        layers.append(Layer("TEXCOORD", "S T", values, indices, 0))
-    faces = np.repeat(np.arange(len(meshes)), [len(m.faces) for _, m in meshes])
-    parts = [(carrier, faces == k) for k, (carrier, _) in enumerate(meshes)]
-    return Polygons(points, np.full(len(faces), 3), indices, layers, parts, ["st"] if uv else [])
 
 
 def _label(time: Usd.TimeCode) -> str:

@@ -51,7 +51,7 @@ def write_light(prim: Usd.Prim, time: Usd.TimeCode, out: Output, reader: SceneRe
         out.find.note("Other programs see a lamp without size or profile; the whole stands in <extra>.", prim)
     if any(prim.GetAttribute(n).GetNumTimeSamples() > 1 for n in own_attributes(prim)):
         out.find.note("Other programs see the lamp of one frame; its changes stand in <extra>.", prim)
-    add_extra(element).append(prim_element(prim, own_attributes(prim), out.folder))
+    add_extra(element).append(prim_element(prim, own_attributes(prim), out.folder, out.find))
     add_name(element, prim)
     add_kept_extras(element, prim)
     return name
@@ -99,7 +99,7 @@ def write_camera(prim: Usd.Prim, time: Usd.TimeCode, out: Output) -> str | None:
         out.find.note("Other programs see the principal point in the middle; it stands in <extra>.", prim)
     if any(prim.GetAttribute(n).GetNumTimeSamples() > 1 for n in own_attributes(prim)):
         out.find.note("Other programs see the camera of one frame; its changes stand in <extra>.", prim)
-    add_extra(camera).append(prim_element(prim, own_attributes(prim), out.folder))
+    add_extra(camera).append(prim_element(prim, own_attributes(prim), out.folder, out.find))
     add_name(camera, prim)
     add_kept_extras(camera, prim)
     return name

@@ -5,7 +5,6 @@ squares over directions of light and view.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,8 +59,8 @@ class Surfaces:
         add_name(material, prim)
         add_kept_extras(material, prim)
         effect = add(out.libraries["effects"], "effect", id=effect_id)
-        self._common(effect, bound.material, effect_id)
-        _glsl(effect, bound.material, effect_id)
+        self._common(effect, bound.material)
+        _glsl(effect, bound.material, out.version)
         return Written(name, bound.uv_name)
 
     def _network(self, material: Any, prim: Usd.Prim) -> None:
@@ -75,27 +74,27 @@ class Surfaces:
                     self.out.find.loss("A connection to a shader outside of the material is left out.", one)
                 else:
                     names.append(attribute.GetName())
-            element = prim_element(one, names, self.out.folder, root)
+            element = prim_element(one, names, self.out.folder, self.out.find, root)
             if one != prim:
                 element.set("path", str(one.GetPath().MakeRelativePath(root)))
             technique.append(element)
 
-    def _common(self, effect: Any, material: Material, effect_id: str) -> None:
+    def _common(self, effect: Any, material: Material) -> None:
         profile = add(effect, "profile_COMMON")
-        technique = etree_technique = add(profile, "technique", sid="common")
+        technique = add(profile, "technique", sid="common")
         brdf = material.brdf
         kind = MODEL.get(type(brdf)) or "phong"
         diffuse, specular, n = _terms(brdf)
         model = add(technique, kind)
         maps = material.maps
-        self._color(model, "emission", material.emission, material.emission_map, profile, etree_technique)
-        self._color(model, "diffuse", diffuse, _first(maps, DIFFUSE), profile, etree_technique)
+        self._color(model, "emission", material.emission, material.emission_map, profile, technique)
+        self._color(model, "diffuse", diffuse, _first(maps, DIFFUSE), profile, technique)
         if kind != "lambert":
-            self._color(model, "specular", specular, _first(maps, SPECULAR), profile, etree_technique)
+            self._color(model, "specular", specular, _first(maps, SPECULAR), profile, technique)
             add(add(model, "shininess"), "float", format_numbers(np.array([n])), sid="shininess")
         if material.opacity_map is not None:
             transparent = add(model, "transparent", opaque="A_ONE")
-            self._texture(transparent, material.opacity_map, profile, etree_technique)
+            self._texture(transparent, material.opacity_map, profile, technique)
             add(add(model, "transparency"), "float", "1")
         elif material.opacity != 1.0:
             add(add(model, "transparent", opaque="A_ONE"), "color", "0 0 0 1")
@@ -120,17 +119,22 @@ class Surfaces:
         uri = relative_uri(Sdf.AssetPath(texture.file), self.out.folder)
         image = self.out.image(uri)
         surface, sampler = self.out.new_id(f"{image}-surface"), self.out.new_id(f"{image}-sampler")
-        at = list(profile).index(technique)
-        param = add(profile, "newparam", sid=surface)
-        add(add(param, "surface", type="2D"), "init_from", image)
-        profile.insert(at, param)
-        param = add(profile, "newparam", sid=sampler)
-        inner = add(param, "sampler2D")
-        add(inner, "source", surface)
+        old = self.out.version == "1.4.1"
+        params = []
+        if old:
+            params.append(add(profile, "newparam", sid=surface))
+            add(add(params[0], "surface", type="2D"), "init_from", image)
+        params.append(add(profile, "newparam", sid=sampler))
+        inner = add(params[-1], "sampler2D")
+        if old:
+            add(inner, "source", surface)
+        else:
+            add(inner, "instance_image", url=f"#{image}")
         words = {wrap: word for word, wrap in reversed(WRAPS.items()) if word not in ("NONE", "MIRROR_ONCE")}
         for tag, wrap in zip(("wrap_s", "wrap_t"), texture.wrap, strict=True):
             add(inner, tag, words[wrap])
-        profile.insert(at + 1, param)
+        for param in params:
+            profile.insert(list(profile).index(technique), param)
         add(term, "texture", texture=sampler, texcoord=UV)
 
 
@@ -168,7 +172,7 @@ def nearest_phong(brdf: Brdf) -> tuple[tuple[float, ...], tuple[float, ...], flo
     return diffuse, specular, float(f"{best[2]:.4g}")
 
 
-def _glsl(effect: Any, material: Material, effect_id: str) -> None:
+def _glsl(effect: Any, material: Material, version: str) -> None:
     """The BRDF as GLSL, for programs that take fragments from profile_GLSL."""
     code = material.glsl
     if not code:
@@ -184,13 +188,10 @@ def _glsl(effect: Any, material: Material, effect_id: str) -> None:
     add(profile, "code", code, sid="brdf")
     technique = add(profile, "technique", sid="brdf-technique")
     draw = add(technique, "pass")
+    if version != "1.4.1":
+        draw = add(draw, "states")
     add(draw, "lighting_enable", value="true")
 
 
 def _decimals(numbers: str) -> str:
     return ", ".join(n if any(c in n for c in ".e") else f"{n}.0" for n in numbers.split(", "))
-
-
-def texture_folder(path: Path) -> Path:
-    """Where relative URIs of a file start."""
-    return path.absolute().parent

@@ -28,17 +28,21 @@ PLAIN = {"", "Xform", "Scope"}
 PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
-def write(stage: Usd.Stage, path: Path, source: str = "") -> list[Problem]:
-    """Write beside and rename. Returns what could not be carried. ``source``: the file that problems name."""
+def write(stage: Usd.Stage, path: Path, source: str = "", version: str = "1.4.1") -> list[Problem]:
+    """Write beside and rename. Returns what could not be carried. ``source``: the file that problems name;
+    ``version``: "1.4.1" or "1.5.0"."""
     find = Finder(source or str(path))
-    out = Output(path.absolute().parent, find)
+    out = Output(path.absolute().parent, find, version)
     _about(stage, out)
     frames = [Usd.TimeCode(t) for t in frame_times(stage)] if _flickers(stage) else []
     if len(frames) > MOST_FRAMES:
         find.loss(f"Of {len(frames)} frames the first {MOST_FRAMES} are written.", stage.GetPseudoRoot())
         frames = frames[:MOST_FRAMES]
+    if frames and [t.GetValue() for t in frames] != list(range(len(frames))):
+        find.note(f"The {len(frames)} frames are numbered from 0 on.", stage.GetPseudoRoot())
     walk = _Walk(stage, out)
     scenes = [walk.scene(time) for time in frames] if frames else [walk.scene(None)]
+    walk.unbound_materials()
     add(add(out.root, "scene"), "instance_visual_scene", url=f"#{scenes[0]}")
     data = out.finish()
     beside = written_beside(path)
@@ -77,7 +81,7 @@ def _about(stage: Usd.Stage, out: Output) -> None:
             add(asset, tag, str(kept[tag]))
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     add(asset, "unit", name=UNITS.get(unit, "unit"), meter=repr(float(unit)))
-    add(asset, "up_axis", f"{UsdGeom.GetStageUpAxis(stage)}_UP")
+    add(asset, "up_axis", "Z_UP" if UsdGeom.GetStageUpAxis(stage) == "Z" else "Y_UP")
 
 
 class _Walk:
@@ -96,19 +100,31 @@ class _Walk:
         root = self.stage.GetPseudoRoot()
         name = self.out.new_id("Scene" if time is None else self._frame_name(time))
         scene = add(self.out.libraries["visual_scenes"], "visual_scene", id=name)
+        others = [p for p in root.GetFilteredChildren(PREDICATE) if p != world and not self._is_plain(p)]
+        collapsed = bool(world) and self._is_plain(world) and not others
         for top in root.GetFilteredChildren(PREDICATE):
-            if top == world and self._is_plain(top):
+            if top == world and collapsed:
                 self._below(top, scene)
             else:
                 self._prim(top, scene)
         if not len(scene):
             add(scene, "node", id=self.out.new_id("empty"))
-        if time is None and self.stage.HasAuthoredTimeCodeRange():
+        if time is None:
             technique = add_extra(scene)
             add(technique, "frames_per_second", repr(self.stage.GetTimeCodesPerSecond()))
-            add(technique, "start_time_code", repr(self.stage.GetStartTimeCode()))
-            add(technique, "end_time_code", repr(self.stage.GetEndTimeCode()))
+            if self.stage.HasAuthoredTimeCodeRange():
+                add(technique, "start_time_code", repr(self.stage.GetStartTimeCode()))
+                add(technique, "end_time_code", repr(self.stage.GetEndTimeCode()))
+            if not collapsed or world.GetName() != "World":
+                top = world.GetName() if world else ""
+                add(technique, "default_prim", name=top, holds="all" if collapsed else "itself")
         return name
+
+    def unbound_materials(self) -> None:
+        """Write the materials that nothing wears, too."""
+        for prim in Usd.PrimRange(self.stage.GetPseudoRoot(), PREDICATE):
+            if prim.IsA(UsdShade.Material) and not prim.IsInstanceProxy():
+                self.surfaces.material(UsdShade.Material(prim), self.time)
 
     def _frame_name(self, time: Usd.TimeCode) -> str:
         """That of the visual scene that is seen at this time, where the stage came from several."""
@@ -165,7 +181,8 @@ class _Walk:
             return
         here = prim.GetTypeName() in PLAIN
         bare = not here and not _has_ops(prim) and all(c.IsA(UsdGeom.Subset) for c in children)
-        if bare and parent.tag == "node" and prim.GetParent().GetTypeName() in PLAIN:
+        first = parent.tag == "node" and parent.find("node") is None  # nodes stand after instances
+        if bare and first and prim.GetParent().GetTypeName() in PLAIN:
             self._instance(prim, parent)  # a mesh, lamp or camera without a pose stands in its parent's node
             return
         node = add(parent, "node", id=self.out.new_id(prim.GetName()))
@@ -195,7 +212,7 @@ class _Walk:
             if merged or renamed:
                 add(technique, "usd", name=prim.GetName(), merged="1" if merged else "0")
             if names:
-                technique.append(prim_element(prim, names, self.out.folder))
+                technique.append(prim_element(prim, names, self.out.folder, self.out.find))
         add_name(node, prim)
         add_kept_extras(node, prim)
         _reorder(node)
@@ -263,8 +280,10 @@ class _Walk:
     def _prototype(self, prim: Usd.Prim) -> str | None:
         library = self.out.libraries["nodes"]
         before = len(library)
-        if prim:
+        if prim and prim.IsDefined():
             self._prim(prim, library)
+        else:
+            self.out.find.loss("A prototype that is not defined is left out.", prim)
         return library[before].get("id") if len(library) > before else None
 
 

@@ -11,7 +11,6 @@ from interchange.formats.collada.extra import KEPT, PROFILE, format_numbers, own
 from interchange.formats.collada.safe_xml import NAMESPACES
 from interchange.formats.usd_values import Finder
 
-NAMESPACE = next(n for n, version in NAMESPACES.items() if version == "1.4")
 LIBRARIES = (
     "animations", "cameras", "effects", "geometries", "images", "lights", "materials", "nodes", "visual_scenes",
 )  # fmt: skip
@@ -21,9 +20,10 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 class Output:
     """What has been written so far, and what could not be."""
 
-    def __init__(self, folder: Path, find: Finder) -> None:
-        self.folder, self.find = folder, find
-        self.root = etree.Element("COLLADA", version="1.4.1")
+    def __init__(self, folder: Path, find: Finder, version: str = "1.4.1") -> None:
+        self.folder, self.find, self.version = folder, find, version
+        self.namespace = next(n for n, v in NAMESPACES.items() if version.startswith(v))
+        self.root = etree.Element("COLLADA", version=version)
         self.libraries = {name: etree.Element(f"library_{name}") for name in LIBRARIES}
         self._ids: set[str] = set()
         self._images: dict[str, str] = {}
@@ -44,7 +44,9 @@ class Output:
         if uri not in self._images:
             self._images[uri] = self.new_id(Path(uri).stem + "-image")
             image = add(self.libraries["images"], "image", id=self._images[uri])
-            add(image, "init_from", uri)
+            init = add(image, "init_from", uri if self.version == "1.4.1" else None)
+            if self.version != "1.4.1":
+                add(init, "ref", uri)
         return self._images[uri]
 
     def source(self, parent: Any, name: str, values: np.ndarray, params: str, kind: str = "float") -> str:
@@ -76,8 +78,8 @@ class Output:
                 at += 1
         for element in self.root.iter(etree.Element):
             if not element.tag.startswith("{"):
-                element.tag = f"{{{NAMESPACE}}}{element.tag}"
-        root = etree.Element(self.root.tag, self.root.attrib, nsmap={None: NAMESPACE})
+                element.tag = f"{{{self.namespace}}}{element.tag}"
+        root = etree.Element(self.root.tag, self.root.attrib, nsmap={None: self.namespace})
         root.extend(list(self.root))
         etree.cleanup_namespaces(root)
         etree.indent(root)
