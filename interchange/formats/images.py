@@ -198,33 +198,50 @@ def texture(
         raise FileError(Problem(message, Where(str(path))))
     if not channels or set(channels) - set("rgba"):
         raise BrightfieldError(f'A texture\'s channels must be out of r, g, b, a; got "{channels}".')
-    if path.suffix.lower() == ".exr":
-        image = exr.read(path)
-        names, srgb = ("Y" if image.pixels.shape[2] == 1 else "RGB"), False
-        values = image.pixels.astype(np.float64)
-        if "alpha" in image.passes:
-            values = np.concatenate([values, image.passes["alpha"][..., None]], axis=-1)
-            names += "A"
-    else:
-        picture = load(path)
-        names, values = picture.channels, picture.array.astype(np.float64)
-        if picture.array.dtype.kind == "u":
-            values /= np.iinfo(picture.array.dtype).max
-        color = names.startswith("RGB")
-        eight = picture.array.dtype == np.uint8
-        srgb = picture.srgb if picture.srgb is not None else color and eight
-    if color_space == "sRGB" or (color_space == "auto" and srgb):
-        solid = 3 if names.startswith("RGB") else 1
-        values[..., :solid] = decode_srgb(values[..., :solid])
+    names, planes, srgb = _planes(path)
+    decode = color_space == "sRGB" or (color_space == "auto" and srgb)
     picked = []
     for c in channels:
-        if c == "a":
-            plane = values[..., names.index("A")] if "A" in names else np.ones(values.shape[:2])
-        else:
-            plane = values[..., "rgb".index(c) if names.startswith("RGB") else 0]
+        source = c.upper() if c.upper() in names else "Y" if c != "a" else ""
         i = "rgba".index(c)
-        picked.append(plane * scale[i] + bias[i])
-    return np.stack(picked, axis=-1).astype(np.float32)
+        if source:
+            plane = planes[names.index(source)]
+            picked.append(_linear(plane, decode and c != "a", scale[i], bias[i]))
+        else:
+            picked.append(np.full(planes[0].shape, scale[i] + bias[i], np.float32))
+    return np.stack(picked, axis=-1)
+
+
+def _planes(path: Path) -> tuple[str, list[np.ndarray], bool]:
+    """Names of the planes (Y, YA, RGB, RGBA), the planes, and whether "auto" takes them as sRGB."""
+    if path.suffix.lower() == ".exr":
+        image = exr.read(path)
+        planes = list(np.moveaxis(image.pixels, -1, 0))
+        names, srgb = {1: "Y", 3: "RGB"}.get(len(planes), ""), False
+        if names and "alpha" in image.passes:
+            names, planes = f"{names}A", [*planes, image.passes["alpha"]]
+    else:
+        picture = load(path)
+        planes = list(np.moveaxis(picture.array, -1, 0))
+        names = picture.channels if len(picture.channels) == len(planes) else ""
+        eight_bit_color = names.startswith("RGB") and picture.array.dtype == np.uint8
+        srgb = picture.srgb if picture.srgb is not None else eight_bit_color
+    if not names:
+        message = f"A texture must have 1 to 4 channels (grey or RGB, alpha); this has {len(planes)}."
+        raise FileError(Problem(message, Where(str(path))))
+    return names, planes, srgb
+
+
+def _linear(plane: np.ndarray, decode: bool, scale: float, bias: float) -> np.ndarray:
+    """float32 values of one plane; whole numbers of 8 and 16 bits go through a table of all their values."""
+    by_table = plane.dtype in (np.uint8, np.uint16)
+    if plane.dtype.kind == "u":
+        top = int(np.iinfo(plane.dtype).max)
+        values = (np.arange(top + 1) if by_table else plane) / top
+    else:
+        values = plane.astype(np.float64)
+    linear = ((decode_srgb(values) if decode else values) * scale + bias).astype(np.float32)
+    return linear[plane] if by_table else linear
 
 
 def to_display(radiance: np.ndarray, exposure: float | None = None) -> np.ndarray:

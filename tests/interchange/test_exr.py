@@ -19,6 +19,7 @@ from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError, FileError
 
 os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
+DAMAGED = Path(__file__).parents[2] / "assets" / "damaged_images"
 H, W = 37, 53  # neither a multiple of ZIP's 16 rows nor even
 
 
@@ -243,3 +244,10 @@ def test_a_header_that_asks_for_terabytes_is_refused_at_once(tmp_path: Path) -> 
         error = damaged(path)
         assert error is not None
         assert "must fit into" in str(error)
+
+
+@pytest.mark.parametrize("path", sorted(DAMAGED.glob("*.exr")), ids=lambda p: p.name[:30])
+def test_files_that_crashed_other_readers(path: Path) -> None:
+    error = damaged(path)
+    assert error is not None
+    assert "Not a usable OpenEXR file" in str(error)

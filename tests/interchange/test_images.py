@@ -17,6 +17,7 @@ from interchange.formats.document import open_file
 from interchange.image import Image
 from interchange.problems import BrightfieldError, FileError
 
+DAMAGED = Path(__file__).parents[2] / "assets" / "damaged_images"
 H, W = 23, 31
 
 
@@ -304,3 +305,14 @@ def test_overwritten_bytes_end_in_a_sentence_or_an_image(
 
 def png_pixels(data: bytes) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
+
+
+@pytest.mark.parametrize("path", sorted(DAMAGED.glob("*.png")), ids=lambda p: p.name)
+def test_files_that_crashed_other_readers(path: Path) -> None:
+    assert refused(path)
+
+
+def test_a_texture_has_colour_or_grey(tmp_path: Path) -> None:
+    exr.write(tmp_path / "a.exr", Image(noise(np.float32, 6)))
+    with pytest.raises(FileError, match="1 to 4 channels"):
+        images.texture(tmp_path / "a.exr")
