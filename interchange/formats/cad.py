@@ -73,12 +73,16 @@ def read_cad(path: Path, options: Options, parser: Callable[[str, float, float],
 
 
 def _stage(tree: Gltf, name: str) -> Any:
+    from pxr import UsdGeom
+
     from interchange.formats.gltf_author import author_tree
     from interchange.formats.usd_author import author_material, free_path, new_stage
 
     stage = new_stage(MILLIMETRE)
     shown = {p.material for n in tree.nodes if n.mesh >= 0 for p in tree.meshes[n.mesh][1]}
     materials = {}
+    if shown - {-1}:
+        UsdGeom.Scope.Define(stage, "/World/Materials")
     for i, colour in enumerate(_colours(tree)):
         if i in shown:
             material = Material("colour_" + _hexadecimal(colour), Lambert(colour))

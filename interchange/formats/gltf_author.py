@@ -30,14 +30,14 @@ def author_tree(
     while stack:
         index, parent = stack.pop()
         node = gltf.nodes[index]
-        path = free_path(stage, parent, names[index])
+        path = free_path(stage, parent, _identifier(names[index]))
         alone = node.mesh >= 0 and not node.children and node.camera < 0 and node.light < 0
         if not alone:
             UsdGeom.Xform.Define(stage, path)
         primitives = gltf.meshes[node.mesh][1] if node.mesh >= 0 else ()
         if primitives:
             name = gltf.meshes[node.mesh][0] or "mesh"
-            place = path if alone else free_path(stage, path, name)
+            place = path if alone else free_path(stage, path, _identifier(name))
             if node.mesh in first:
                 prim = UsdGeom.Mesh.Define(stage, place).GetPrim()
                 prim.GetReferences().AddInternalReference(first[node.mesh])
@@ -54,6 +54,11 @@ def author_tree(
         if extra is not None:
             extra(stage, path, node)
         stack += [(i, path) for i in reversed(node.children)]
+
+
+def _identifier(name: str) -> str:
+    """With an underscore before a first digit, which USD would replace."""
+    return f"_{name}" if name[:1].isdigit() else name
 
 
 def _author_part(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from interchange.formats.gltf_buffers import Buffers, Damaged, container
-from interchange.formats.surface import Findings, unit_normals, without_slivers
+from interchange.formats.surface import Findings, unit_normals, with_area
 from interchange.mesh import Mesh, from_corners
 from interchange.problems import FileError, Problem, Where
 
@@ -139,7 +139,7 @@ def _triangles(
         raise Damaged(f"Every vertex must be finite; vertex {row} is {tuple(points[row].tolist())}")
     if "COLOR_0" in attributes:
         find.loss("Colours at the vertices are left out.", place)
-    faces = without_slivers(points, faces, find, place)
+    faces = faces[with_area(points, faces, find, place)]
     if not len(faces):
         find.loss("A mesh without any triangle that has an area is left out.", place)
         return None

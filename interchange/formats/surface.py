@@ -12,6 +12,7 @@ from interchange.mesh import Mesh, face_normals, from_corners
 from interchange.problems import FileError, Problem, Severity, Where
 
 CREASE_DEG = 30.0
+WELD = 1e-6  # of the size: float32 rounding, and zeros that came out as 1e-17
 
 
 class Findings:
@@ -54,14 +55,29 @@ def check(points: np.ndarray, faces: np.ndarray, find: Findings, place: str = ""
 
 
 def weld(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices at exactly the same place become one; unused ones go."""
+    """Vertices closer than ``WELD`` times the largest side of the box around them become one; unused ones go.
+
+    Returns the vertices and the faces (F, 3) on them, in their order.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     corners = points[faces.ravel()] + 0.0  # no -0
     order = np.lexsort(corners.T)
     ordered = corners[order]
     new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
     which = np.empty(len(order), np.int64)
     which[order] = np.cumsum(new) - 1
-    return ordered[new], which.reshape(-1, 3)
+    distinct = ordered[new]
+    size = float(np.ptp(distinct, axis=0).max())
+    near = cKDTree(distinct).query_pairs(WELD * size, output_type="ndarray")
+    if len(near):
+        links = coo_matrix((np.ones(len(near), np.int8), near.T), shape=(len(distinct),) * 2)
+        _, group = connected_components(links, directed=False)
+        _, first, group = np.unique(group, return_index=True, return_inverse=True)
+        distinct, which = distinct[first], group[which]
+    return distinct, which.reshape(-1, 3)
 
 
 def crease_mesh(
@@ -137,13 +153,13 @@ def describe(points: np.ndarray, faces: np.ndarray, find: Findings, place: str =
             find.note("The surface is inside out: its faces are wound clockwise seen from outside.", place)
 
 
-def without_slivers(points: np.ndarray, faces: np.ndarray, find: Findings, place: str = "") -> np.ndarray:
+def with_area(points: np.ndarray, faces: np.ndarray, find: Findings, place: str = "") -> np.ndarray:
+    """(F,) which triangles have an area; the others are noted."""
     p = points[faces]
-    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    flat = ~(area > 0)
-    if flat.any():
-        find.note(f"{flat.sum()} of {len(faces)} triangles have no area and are left out.", place)
-    return faces[~flat]
+    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) > 0
+    if not area.all():
+        find.note(f"{(~area).sum()} of {len(faces)} triangles have no area and are left out.", place)
+    return area
 
 
 def unit_normals(points: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.ndarray:
