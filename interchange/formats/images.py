@@ -135,17 +135,12 @@ def _radiance(data: bytes, path: Path) -> Decoded:
     height, width = int(words[1]), int(words[3])
     if not 0 < height * width * 12 <= MAX_BYTES:
         raise DamagedImage(f"pixels must fit into {MAX_BYTES >> 30} GiB; it is {width} x {height} px")
-    array = isolated(_read_radiance, path, data, memory_bytes=(1 << 30) + 48 * width * height)
+    from interchange.formats.native import opencv
+
+    array = isolated(opencv.decode, path, data, memory_bytes=(1 << 30) + 48 * width * height)
     if array.shape != (height, width, 3):
         raise DamagedImage("its pixels do not unpack")
     return Decoded(array, "RGB", 32, False, {})
-
-
-def _read_radiance(path: str, data: bytes) -> np.ndarray:
-    import cv2
-
-    array = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    return np.zeros(0) if array is None else np.ascontiguousarray(array[..., ::-1])
 
 
 def write_png(path: Path | str, array: np.ndarray) -> None:

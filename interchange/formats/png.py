@@ -16,6 +16,7 @@ SAMPLES = {0: "Y", 2: "RGB", 3: "RGB", 4: "YA", 6: "RGBA"}  # by colour type; 3 
 DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 MAX_BYTES = 2 << 30
+PIECE = 1 << 20  # bytes a chunk: OpenCV refuses larger ones than 8 MB
 
 
 class DamagedImage(Exception):
@@ -59,7 +60,9 @@ def decode(data: bytes) -> Decoded:
         raise DamagedImage("it needs one palette of up to 256 colours")
     raw = _inflate(packed, raw_bytes)
     keep = [(t, d) for t, d in chunks if t in (b"IHDR", b"PLTE", b"tRNS") and (t != b"PLTE" or color == 3)]
-    clean = [*keep, (b"IDAT", zlib.compress(raw, 0)), (b"IEND", b"")]
+    stored = zlib.compress(raw, 0)
+    pieces = [(b"IDAT", stored[i : i + PIECE]) for i in range(0, len(stored), PIECE)]
+    clean = [*keep, *pieces, (b"IEND", b"")]
     array = cv2.imdecode(
         np.frombuffer(SIGNATURE + b"".join(map(_chunk, clean)), np.uint8), cv2.IMREAD_UNCHANGED
     )

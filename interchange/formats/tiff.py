@@ -62,8 +62,10 @@ def decode(data: bytes, path: Path) -> Decoded:
     if unpack and TILE_WIDTH not in tags and predictor in (1, 2) and (predictor == 1 or code[0] == 1):
         array = _strips(data, tags, unpack, dtype.newbyteorder(order), (height, width, samples), predictor)
     elif packing in _LIBRARY and samples in (1, 3, 4) and photometric in (1, 2) and not planar:
+        from interchange.formats.native import opencv
+
         memory = (1 << 30) + 4 * needed
-        array = isolated(_read_with_library, path, data, memory_bytes=memory)
+        array = isolated(opencv.decode, path, data, memory_bytes=memory)
         if array.shape != (height, width, samples) or array.dtype != dtype:
             raise DamagedImage("its pixels do not unpack")
     else:
@@ -179,13 +181,3 @@ def _packbits(packed: bytes, length: int) -> bytes:
 
 _LIBRARY = ("none", "Deflate", "LZW", "PackBits")  # tiles, LZW, differences of floats
 _UNPACK = {"none": _plain, "Deflate": _inflate, "PackBits": _packbits}
-
-
-def _read_with_library(path: str, data: bytes) -> np.ndarray:
-    import cv2
-
-    array = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if array is None:
-        return np.zeros(0)
-    array = array[..., None] if array.ndim == 2 else array
-    return np.ascontiguousarray(array[..., [2, 1, 0, 3][: array.shape[2]]] if array.shape[2] > 2 else array)

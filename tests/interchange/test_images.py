@@ -316,3 +316,9 @@ def test_a_texture_has_colour_or_grey(tmp_path: Path) -> None:
     exr.write(tmp_path / "a.exr", Image(noise(np.float32, 6)))
     with pytest.raises(FileError, match="1 to 4 channels"):
         images.texture(tmp_path / "a.exr")
+
+
+def test_an_image_of_many_megabytes(tmp_path: Path) -> None:
+    array = np.random.default_rng(5).integers(0, 256, (1500, 2000, 3), np.uint8)
+    images.write_png(tmp_path / "a.png", array)
+    np.testing.assert_array_equal(images.read(tmp_path / "a.png"), array)

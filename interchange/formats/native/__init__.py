@@ -1,0 +1,1 @@
+"""Decoders of native code, to be called in isolation only; modules of their own, so that they load there once."""
