@@ -59,7 +59,7 @@ class Buffers:
         self.buffers = [self._buffer(b, i, chunk) for i, b in enumerate(document.get("buffers", []))]
 
     def _buffer(self, buffer: dict[str, Any], index: int, chunk: bytes) -> bytes:
-        place = f"buffers[{index}]"
+        place, length, found = f"buffers[{index}]", buffer["byteLength"], len(self.find.problems)
         data = self.uri(buffer["uri"], place) if "uri" in buffer else chunk
         if isinstance(data, str):
             try:
@@ -67,8 +67,8 @@ class Buffers:
             except OSError as error:
                 self.find.error(f'The file "{buffer["uri"]}" cannot be read: {error.strerror}.', place)
                 data = b""
-        if len(data) < buffer["byteLength"]:
-            self.find.error(f"The buffer must hold {buffer['byteLength']} bytes; got {len(data)}.", place)
+        if len(data) < length and len(self.find.problems) == found:
+            self.find.error(f"The buffer must hold {length} bytes; got {len(data)}.", place)
         return data
 
     def uri(self, uri: str, place: str) -> bytes | str:

@@ -82,6 +82,7 @@ def parse(data: bytes, path: str) -> Gltf:
         if count := len(document.get(key, [])):
             find.loss(f"{count} {what}{'s are' if count > 1 else ' is'} left out.", "")
     buffers = Buffers(document, chunk, path, find)
+    find.stop()
     meshes = tuple(_mesh(m, i, document, buffers, find) for i, m in enumerate(document.get("meshes", [])))
     nodes, roots = _tree(document, find)
     images = tuple(_image(image, i, buffers, find) for i, image in enumerate(document.get("images", [])))

@@ -267,7 +267,7 @@ def _work(
         except MemoryError:
             data, buffers = pickle.dumps(("memory", None)), []
         except Exception as error:
-            text = f"{type(error).__name__}: {error}"[:500]
+            text = (str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}")[:500]
             data, buffers = pickle.dumps(("exception", text)), []
         _send(job_socket, data, buffers)
     finally:

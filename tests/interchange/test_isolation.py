@@ -132,7 +132,7 @@ def test_a_call_costs_little(parsers):
         start = time.perf_counter()
         isolated(parsers.pid, "f.exr")
         cost.append(time.perf_counter() - start)
-    assert np.median(cost) < 0.1  # measured 0.007 s; two forks of a small process
+    assert np.median(cost) < 0.3  # 0.007 s on an idle machine: two forks of a small process
 
 
 def test_a_killed_caller_takes_its_worker_along(parsers, tmp_path):
