@@ -1,7 +1,8 @@
 """The command `brightfield`: one file a command in ``composer/commands``, found by folder.
 
-A command is a module with ``NAME``, ``HELP``, ``configure(parser)`` and ``run(args) -> exit status``. Status 0 is
-success, 1 a finding (``doctor``: something is missing), 2 an error, told in one line a problem.
+A command is a module with ``HELP``, ``configure(parser)`` and ``run(args) -> exit status``; its file name is the
+command's. Only the module that is asked for is imported: `brightfield doctor` runs where others could not start.
+Status 0 is success, 1 a finding (``doctor``: something is missing), 2 an error, told in one line a problem.
 """
 
 import argparse
@@ -10,37 +11,34 @@ import os
 import pkgutil
 import sys
 from collections.abc import Sequence
-from types import ModuleType
 
 import composer.commands
-from interchange.problems import BrightfieldError
+from interchange.problems import BrightfieldError, did_you_mean
 
 
-def commands() -> dict[str, ModuleType]:
-    """Every command by name."""
-    found = {}
-    for info in pkgutil.iter_modules(composer.commands.__path__):
-        module = importlib.import_module(f"composer.commands.{info.name}")
-        if hasattr(module, "NAME"):
-            found[module.NAME] = module
-    return dict(sorted(found.items()))
+def names() -> list[str]:
+    """Every command."""
+    return sorted(i.name.replace("_", "-") for i in pkgutil.iter_modules(composer.commands.__path__))
 
 
-def parser() -> argparse.ArgumentParser:
-    top = argparse.ArgumentParser(
-        prog="brightfield",
-        description="A simulator of machine-vision systems whose pixel values mean something.",
-    )
-    words = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, module in commands().items():
-        module.configure(words.add_parser(name, help=module.HELP, description=module.HELP))
-    return top
+def overview() -> str:
+    lines = ["usage: brightfield COMMAND ...", "", "A simulator of machine-vision systems. Commands:", ""]
+    for name in names():
+        try:
+            text = _module(name).HELP
+        except ImportError as error:
+            text = f"(cannot start: {error}; see brightfield doctor)"
+        lines.append(f"  {name:10} {text}")
+    return "\n".join([*lines, "", "brightfield COMMAND --help tells more."])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    args = parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
     try:
-        return int(commands()[args.command].run(args))
+        if not words or words[0] in ("-h", "--help", "help"):
+            print(overview())
+            return 0 if words else 2
+        return _run(words[0], words[1:])
     except BrightfieldError as error:
         for line in str(error).splitlines():
             print(f"brightfield: {line}", file=sys.stderr)
@@ -58,6 +56,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         place = f" ({error.filename})" if error.filename else ""
         print(f"brightfield: {error.strerror or error}{place}.", file=sys.stderr)
         return 2
+
+
+def _run(name: str, words: list[str]) -> int:
+    if name not in names():
+        message = (
+            f'There is no command "{name}".{did_you_mean(name, names())} There are {", ".join(names())}.'
+        )
+        raise BrightfieldError(message)
+    try:
+        module = _module(name)
+    except ImportError as error:
+        raise BrightfieldError(
+            f"{name} cannot start: {error}. brightfield doctor tells what is missing."
+        ) from None
+    parser = argparse.ArgumentParser(prog=f"brightfield {name}", description=module.HELP)
+    module.configure(parser)
+    return int(module.run(parser.parse_args(words)))
+
+
+def _module(name: str) -> argparse.Namespace:
+    module = importlib.import_module(f"composer.commands.{name.replace('-', '_')}")
+    return argparse.Namespace(HELP=module.HELP, configure=module.configure, run=module.run)
 
 
 if __name__ == "__main__":

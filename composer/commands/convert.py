@@ -8,7 +8,6 @@ from composer.reading import add_reading_options, options_from
 from interchange.formats.document import format_for_writing, open_scene
 from interchange.problems import Severity
 
-NAME = "convert"
 HELP = "convert a scene or a part to another format, and list what that format cannot carry"
 
 

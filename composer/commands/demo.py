@@ -6,7 +6,6 @@ from pathlib import Path
 
 from interchange.problems import BrightfieldError
 
-NAME = "demo"
 HELP = "build an inspection scene round a CAD part and show it by both renderers"
 ASSETS = Path(__file__).parents[2] / "assets"
 

@@ -21,7 +21,6 @@ from typing import Any
 
 from composer.aligned import Description, text
 
-NAME = "doctor"
 HELP = "tell what is installed, which OpenGL and Cycles devices there are, and how to mend what is missing"
 SECONDS = 60.0
 LIBRARIES = {  # what Debian and Ubuntu call the package

@@ -7,7 +7,6 @@ from composer.aligned import plain, text
 from composer.describe import describe
 from composer.reading import add_reading_options, options_from
 
-NAME = "info"
 HELP = "tell what a file holds: scene, part, image, photometric file or measurement"
 
 
