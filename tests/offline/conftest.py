@@ -45,7 +45,9 @@ class Build:
 
     @staticmethod
     def sphere(radius: float, rings: int = 96) -> Mesh:
-        t, p = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij")
+        t, p = np.meshgrid(
+            np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
+        )
         n = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1).reshape(-1, 3)
         i, j = np.meshgrid(np.arange(rings), np.arange(2 * rings), indexing="ij")
         a = (i * (2 * rings + 1) + j).ravel()

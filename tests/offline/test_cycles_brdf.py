@@ -26,7 +26,9 @@ CASES: list[Brdf] = [
     Phong(diffuse=0.3, specular=0.5, n=30),
     BlinnPhong(diffuse=0.3, specular=0.5, n=60),
     UsdPreviewSurface(diffuseColor=(0.5, 0.3, 0.1), roughness=0.4),
-    UsdPreviewSurface(diffuseColor=(0.8, 0.6, 0.3), metallic=1.0, roughness=0.25, clearcoat=0.5, clearcoatRoughness=0.2),
+    UsdPreviewSurface(
+        diffuseColor=(0.8, 0.6, 0.3), metallic=1.0, roughness=0.25, clearcoat=0.5, clearcoatRoughness=0.2
+    ),
     *(model() for model in MODELS.values()),
 ]
 
@@ -41,7 +43,9 @@ def test_direct_light_of_a_point_is_the_formula(cycles, build, brdf):
     lamp, eye = np.array([0.5, -0.3, 0.7]), (-0.9, -0.35, 0.6)
     light = Light("/l", LightKind.SPHERE, (4.0, 3.0, 2.0), build.at(*lamp))
     camera = build.camera(eye, (0.05, -0.05, 0), 40)
-    image = cycles.render(build.lit_plane([light], brdf), camera, CyclesSettings(samples=1, max_bounces=0), ["position"])
+    image = cycles.render(
+        build.lit_plane([light], brdf), camera, CyclesSettings(samples=1, max_bounces=0), ["position"]
+    )
     x = image.passes["position"].astype(np.float64)
     d = lamp - x
     r = np.linalg.norm(d, axis=-1, keepdims=True)
@@ -139,14 +143,19 @@ def test_interreflection_between_two_matte_planes(cycles, build):
     turns += [np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])]
     turns += [np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])]
     walls = tuple(
-        Body(f"/w{k}", half, Material("m", Lambert(rho)), build.at(*(-0.5 * R[:, 2]), R)) for k, R in enumerate(turns)
+        Body(f"/w{k}", half, Material("m", Lambert(rho)), build.at(*(-0.5 * R[:, 2]), R))
+        for k, R in enumerate(turns)
     )
     light = Light("/l", LightKind.SPHERE, (1.0, 1, 1), build.at(0, 0, 0))
     total = np.zeros(3)
-    for k, R in enumerate(turns):  # six views from the middle; the view's own solid angle weights cancel per wall
+    for k, R in enumerate(
+        turns
+    ):  # six views from the middle; the view's own solid angle weights cancel per wall
         n = R[:, 2]
         camera = build.camera(tuple(0.45 * n), tuple(-n), 1.0, (24, 24), projection=Projection.ORTHOGRAPHIC)
-        image = cycles.render(Scene(walls, (light,)), camera, CyclesSettings(samples=32, max_bounces=24, seed=k), ["indirect"])
+        image = cycles.render(
+            Scene(walls, (light,)), camera, CyclesSettings(samples=32, max_bounces=24, seed=k), ["indirect"]
+        )
         total += image.passes["indirect"].mean(axis=(0, 1)) * np.pi / rho
     # irradiance by reflected light, mean over the walls: ρ/(1-ρ) of the lamp's own mean, Φ/A = 4π I / 6
     assert total / 6 == pytest.approx([rho / (1 - rho) * 4 * np.pi / 6] * 3, rel=5e-3)

@@ -42,7 +42,9 @@ def test_points_lie_where_opencv_projects_them(cycles, build, distortion, fy_ove
         "c", pose, Lens(focal_length=5e-3, distortion=distortion, projection=projection),
         Sensor(resolution=(160, 120), pixel_pitch=(pitch, pitch / fy_over_fx)), principal_point=(83.3, 54.2),
     )  # fmt: skip
-    scene = Scene((Body("/ball", build.sphere(0.3)  , Material("m")), Body("/plane", build.plane(2.0), Material("n"))))
+    scene = Scene(
+        (Body("/ball", build.sphere(0.3), Material("m")), Body("/plane", build.plane(2.0), Material("n")))
+    )
     image = cycles.render(scene, camera, ONE, ["position", "depth", "object_id"])
     x = image.passes["position"].astype(np.float64).reshape(-1, 3)
     ok = np.isfinite(x[:, 0])
@@ -51,7 +53,9 @@ def test_points_lie_where_opencv_projects_them(cycles, build, distortion, fy_ove
     view = camera.camera_from_world
     if projection is Projection.PERSPECTIVE:
         rotation = cv2.Rodrigues(view[:3, :3])[0]
-        pixels = cv2.projectPoints(x[ok], rotation, view[:3, 3], camera.K, np.array(distortion))[0].reshape(-1, 2)
+        pixels = cv2.projectPoints(x[ok], rotation, view[:3, 3], camera.K, np.array(distortion))[0].reshape(
+            -1, 2
+        )
     else:
         p = x[ok] @ view[:3, :3].T + view[:3, 3]
         pixels = p[:, :2] * np.diag(camera.K)[:2] + camera.K[:2, 2]
@@ -78,7 +82,10 @@ def room(build) -> Scene:
 
 
 def test_same_seed_same_bits_and_another_seed_another_noise(cycles, build):
-    camera, settings = build.camera((0, -1.2, 0.8), (0, 0, 0.15)), CyclesSettings(samples=4, max_bounces=2, seed=7)
+    camera, settings = (
+        build.camera((0, -1.2, 0.8), (0, 0, 0.15)),
+        CyclesSettings(samples=4, max_bounces=2, seed=7),
+    )
     first = cycles.render(room(build), camera, settings, ["all"], next_scene=room(build))
     other = cycles.render(room(build), camera, replace(settings, seed=8))
     with Cycles() as fresh:
@@ -167,7 +174,12 @@ def test_texture_is_the_one_of_the_definition(cycles, build, wrap):
 def test_normal_map_and_glow_map(cycles, build):
     tilted = np.zeros((2, 2, 3), np.float32)
     tilted[...] = np.array([0.6, 0.0, 0.8])
-    material = Material("m", Lambert(1.0), normal_map=Texture(tilted), emission_map=Texture(np.full((1, 1, 3), 0.25, np.float32)))
+    material = Material(
+        "m",
+        Lambert(1.0),
+        normal_map=Texture(tilted),
+        emission_map=Texture(np.full((1, 1, 3), 0.25, np.float32)),
+    )
     light = Light("/l", LightKind.DISTANT, (np.pi, np.pi, np.pi))
     camera = build.camera((0, 0, 3), (0, 0, 0), 1.8, (16, 16), projection=Projection.ORTHOGRAPHIC)
     scene = Scene((Body("/p", build.plane(1.0, uv=True), material),), (light,))
@@ -199,7 +211,12 @@ def test_stage_follows_edits_as_a_fresh_one_would(cycles, build):
     camera = build.camera((0, -1.2, 0.8), (0, 0, 0.15), size=(32, 24))
     base = room(build)
     ball = base.bodies[1]
-    second = replace(ball, name="/second", world_from_body=build.at(0.4, 0, 0.2), material=Material("red", Lambert((0.8, 0.1, 0.1))))
+    second = replace(
+        ball,
+        name="/second",
+        world_from_body=build.at(0.4, 0, 0.2),
+        material=Material("red", Lambert((0.8, 0.1, 0.1))),
+    )
     frames = [
         base,
         replace(base, bodies=(*base.bodies, second)),
@@ -236,7 +253,9 @@ def test_worker_that_fails_twice_is_one_clear_error(build):
     began = time.monotonic()
     with (
         Cycles(timeout=1.0) as renderer,
-        pytest.raises(BrightfieldError, match=r"failed twice on the frame at time 3: it did not answer within 1 s"),
+        pytest.raises(
+            BrightfieldError, match=r"failed twice on the frame at time 3: it did not answer within 1 s"
+        ),
     ):
         renderer.render(replace(room(build), time=3.0), camera, CyclesSettings(samples=2**20))
     assert time.monotonic() - began < 20
@@ -248,6 +267,10 @@ def test_worker_that_fails_twice_is_one_clear_error(build):
 
 
 def test_glsl_material_is_refused(cycles, build):
-    body = Body("/b", build.plane(), Material("special", glsl="vec3 brdf(vec3 wi, vec3 wo, vec2 uv) { return vec3(0.1); }"))
+    body = Body(
+        "/b",
+        build.plane(),
+        Material("special", glsl="vec3 brdf(vec3 wi, vec3 wo, vec2 uv) { return vec3(0.1); }"),
+    )
     with pytest.raises(BrightfieldError, match='"special" must have a BRDF of the catalogue'):
         cycles.render(Scene((body,)), build.spot(), ONE)

@@ -24,7 +24,9 @@ def tilt(degrees: float) -> np.ndarray:
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def irradiance(cycles: Cycles, build, light: Light, camera: Camera, settings=DIRECT, *others: Body) -> np.ndarray:
+def irradiance(
+    cycles: Cycles, build, light: Light, camera: Camera, settings=DIRECT, *others: Body
+) -> np.ndarray:
     image = cycles.render(build.lit_plane([light], Lambert(RHO), *others), camera, settings)
     return image.pixels.mean(axis=(0, 1)) * np.pi / RHO
 
@@ -66,8 +68,12 @@ def test_rect_above_its_corner(cycles, build):
 
 @pytest.mark.parametrize(("radius", "length"), [(0.1, 0.8), (0.01, 0.2)])
 def test_cylinder_against_quadrature(cycles, build, radius, length):
-    light = Light("/l", LightKind.CYLINDER, INTENSITY, build.at(0.1, 0.2, 1.0, tilt(20)), radius=radius, length=length)
-    s, phi = np.meshgrid((np.arange(400) + 0.5) / 400 - 0.5, (np.arange(800) + 0.5) / 800 * 2 * np.pi, indexing="ij")
+    light = Light(
+        "/l", LightKind.CYLINDER, INTENSITY, build.at(0.1, 0.2, 1.0, tilt(20)), radius=radius, length=length
+    )
+    s, phi = np.meshgrid(
+        (np.arange(400) + 0.5) / 400 - 0.5, (np.arange(800) + 0.5) / 800 * 2 * np.pi, indexing="ij"
+    )
     n = np.stack([0 * phi, np.cos(phi), np.sin(phi)], axis=-1)
     point = radius * n
     point[..., 0] = s * length
@@ -89,7 +95,9 @@ def test_distant_light_has_its_irradiance(cycles, build, angle):
 
 def test_dome_gives_pi_times_its_radiance(cycles, build):
     light = Light("/l", LightKind.DOME, INTENSITY)
-    assert irradiance(cycles, build, light, build.spot()) == pytest.approx(np.pi * np.array(INTENSITY), rel=3e-3)
+    assert irradiance(cycles, build, light, build.spot()) == pytest.approx(
+        np.pi * np.array(INTENSITY), rel=3e-3
+    )
 
 
 @pytest.mark.parametrize("bright", [(2, 6), (3, 9), (5, 8)])
@@ -100,10 +108,15 @@ def test_dome_image_stands_as_the_light_frame_says(cycles, build, bright):
     light = Light("/l", LightKind.DOME, (1.0, 1.0, 1.0), build.at(0, 0, 0, tilt(25)), texture=Texture(pixels))
     v, u = (np.arange(400) + 0.5) / 400, (np.arange(800) + 0.5) / 800
     row, column = v * 8 - 0.5, u * 16 - 0.5
-    weight = np.maximum(1 - np.abs(row - bright[0]), 0)[:, None] * np.maximum(1 - np.abs(column - bright[1]), 0)
+    weight = np.maximum(1 - np.abs(row - bright[0]), 0)[:, None] * np.maximum(
+        1 - np.abs(column - bright[1]), 0
+    )
     longitude = np.pi * (1 - 2 * u)
     sine = np.sin(np.pi * v)[:, None]
-    d = np.stack(np.broadcast_arrays(sine * np.sin(longitude), np.cos(np.pi * v)[:, None], sine * np.cos(longitude)), -1)
+    d = np.stack(
+        np.broadcast_arrays(sine * np.sin(longitude), np.cos(np.pi * v)[:, None], sine * np.cos(longitude)),
+        -1,
+    )
     d = d @ light.world_from_light[:3, :3].T
     E = 10 * np.sum(weight * sine * np.maximum(d[..., 2], 0)) * 2 * np.pi**2 / (400 * 800)
     assert E > 0.1  # the patch is above the plane
@@ -113,24 +126,40 @@ def test_dome_image_stands_as_the_light_frame_says(cycles, build, bright):
 def test_rect_image_stands_upright_for_who_looks_into_the_lamp(cycles, build):
     """Two rows, two columns in four colours; a pinhole in a screen shows where each of them lies."""
     pixels = np.zeros((2, 2, 3), np.float32)
-    pixels[0, 0], pixels[0, 1], pixels[1, 0] = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # top left red, top right green
-    light = Light("/l", LightKind.RECT, (1.0, 1.0, 1.0), build.at(0, 0, 1.0), width=0.5, height=0.5, texture=Texture(pixels))
-    quarter = np.array([[0.25, 0.25], [-0.25, 0.25], [0.25, -0.25]])  # (+x, +y) red, (-x, +y) green, (+x, -y) blue
+    pixels[0, 0], pixels[0, 1], pixels[1, 0] = (
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+    )  # top left red, top right green
+    light = Light(
+        "/l",
+        LightKind.RECT,
+        (1.0, 1.0, 1.0),
+        build.at(0, 0, 1.0),
+        width=0.5,
+        height=0.5,
+        texture=Texture(pixels),
+    )
+    quarter = np.array(
+        [[0.25, 0.25], [-0.25, 0.25], [0.25, -0.25]]
+    )  # (+x, +y) red, (-x, +y) green, (+x, -y) blue
     for channel, (x, y) in enumerate(quarter):
-        near, far = (
-            irradiance(cycles, build, light, build.spot(s * x, s * y))[channel] for s in (1, -1)
-        )
+        near, far = (irradiance(cycles, build, light, build.spot(s * x, s * y))[channel] for s in (1, -1))
         assert near > 1.1 * far
 
 
 def test_cone_is_sharp_or_soft(cycles, build):
     sharp = Light("/l", LightKind.SPHERE, INTENSITY, build.at(0, 0, 1.0), cone_angle=0.5)
-    soft = Light("/l", LightKind.SPHERE, INTENSITY, build.at(0, 0, 1.0), cone_angle=0.5, cone_softness=0.6, focus=2.0)
+    soft = Light(
+        "/l", LightKind.SPHERE, INTENSITY, build.at(0, 0, 1.0), cone_angle=0.5, cone_softness=0.6, focus=2.0
+    )
     for x in (0.3, 0.45, 0.6):
         d = np.array([x, 0, -1.0]) / np.hypot(x, 1)
         for light in (sharp, soft):
             expected = np.array(INTENSITY) * light.shaping(d) * (-d[2]) / (1 + x * x)
-            assert irradiance(cycles, build, light, build.spot(x)) == pytest.approx(expected, rel=1e-3, abs=1e-9)
+            assert irradiance(cycles, build, light, build.spot(x)) == pytest.approx(
+                expected, rel=1e-3, abs=1e-9
+            )
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.01])
@@ -156,7 +185,9 @@ def test_lamp_without_shadows_ignores_what_is_in_between(cycles, build):
     for casts, expected in ((True, 0.0), (False, 1.0)):
         light = Light("/l", LightKind.SPHERE, (1.0, 1, 1), build.at(0, 0, 1.0), casts_shadows=casts)
         camera = build.camera((0.5, 0, 0.2), (0, 0, 0), 0.05, (16, 16))
-        assert irradiance(cycles, build, light, camera, DIRECT, screen) == pytest.approx([expected] * 3, abs=1e-3)
+        assert irradiance(cycles, build, light, camera, DIRECT, screen) == pytest.approx(
+            [expected] * 3, abs=1e-3
+        )
 
 
 def test_soft_shadow_is_half_in_the_middle_of_an_edge(cycles, build):

@@ -1,0 +1,187 @@
+"""Many frames, each described by data alone, on the workers of a Dask scheduler.
+
+Every Dask worker process keeps one warm Cycles worker. A worker that crashes or is killed costs its frame, which is
+given to another one. A finished frame is a file with the job's digest in its header, so a batch that was broken
+off goes on where it stopped.
+"""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from interchange.formats.base import Options
+from interchange.problems import BrightfieldError
+from offline.job import FrameJob, is_done, work
+from offline.settings import CyclesSettings
+
+TRIES = 3  # workers that may die under one frame before the frame is given up
+WINDOW = 4  # frames a worker that are handed out ahead
+
+
+@dataclass(frozen=True)
+class Progress:
+    done: int  # rendered now or found finished
+    failed: int
+    total: int
+    skipped: int  # found finished
+    left: float | None  # s until the end, None before the first frame
+
+    def __str__(self) -> str:
+        left = "" if self.left is None else f", {self.left:.0f} s left"
+        return f"{self.done}/{self.total}{f', {self.failed} failed' if self.failed else ''}{left}"
+
+
+@dataclass(frozen=True)
+class Report:
+    done: tuple[str, ...]  # files rendered now
+    skipped: tuple[str, ...]  # files that were there
+    failed: tuple[tuple[str, str], ...] = ()  # file and reason
+    seconds: float = 0.0
+    render_seconds: float = field(default=0.0, compare=False)  # of all frames together
+
+
+def run(
+    jobs: Sequence[FrameJob],
+    scheduler: str | None = None,
+    workers: int = 0,
+    progress: Callable[[Progress], None] = lambda p: None,
+) -> Report:
+    """Render what is not finished yet.
+
+    ``scheduler``: address of a Dask scheduler, whose workers need this program and the same paths; None starts a
+    cluster of ``workers`` processes here (0: one for every four processor threads), which share the threads.
+    Frames that fail are in the report with their reason; the others go on. After Ctrl-C the finished frames stay.
+    """
+    began = time.monotonic()
+    outs = [job.out for job in jobs]
+    if len(set(outs)) < len(outs):
+        twice = next(o for o in outs if outs.count(o) > 1)
+        raise BrightfieldError(f"Every frame needs a file of its own; {twice} is named twice.")
+    skipped = [job for job in jobs if is_done(job)]
+    finished = {job.out for job in skipped}
+    todo = [job for job in jobs if job.out not in finished]
+    done: list[str] = []
+    failed: list[tuple[str, str]] = []
+    spent = 0.0
+
+    def tell() -> None:
+        count = len(done) + len(failed)
+        left = (time.monotonic() - began) / count * (len(todo) - count) if count else None
+        progress(Progress(len(done) + len(skipped), len(failed), len(jobs), len(skipped), left))
+
+    tell()
+    if todo:
+        for job, result in _results(todo, scheduler, workers):
+            if isinstance(result, float):
+                done.append(job.out)
+                spent += result
+            else:
+                failed.append((job.out, result))
+            tell()
+    return Report(tuple(done), tuple(sorted(finished)), tuple(failed), time.monotonic() - began, spent)
+
+
+def _results(jobs: Sequence[FrameJob], scheduler: str | None, workers: int) -> Any:
+    """(job, seconds or reason) as they come, in no order."""
+    import dask
+    from distributed import Client, KilledWorker, LocalCluster, as_completed
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = workers or max(1, cores // 4)
+    threads = max(1, cores // count)
+    settings = {
+        "distributed.scheduler.allowed-failures": TRIES - 1,
+        "distributed.admin.tick.limit": "1h",  # a frame may hold a worker's loop for long
+        "logging.distributed": "critical",
+    }
+    with dask.config.set(settings):
+        cluster = None
+        if scheduler is None:
+            cluster = LocalCluster(
+                n_workers=count, threads_per_worker=1, processes=True, memory_limit=0, dashboard_address=None,
+                silence_logs=50,
+            )  # fmt: skip
+            jobs = [
+                job if job.settings.threads else replace(job, settings=replace(job.settings, threads=threads))
+                for job in jobs
+            ]
+        try:
+            with Client(cluster or scheduler, timeout=5) as client:
+                waiting = iter(jobs)
+                handed: dict[Any, FrameJob] = {}
+
+                def hand() -> Any:
+                    job = next(waiting, None)
+                    if job is None:
+                        return None
+                    future = client.submit(work, job, key=f"frame-{job.key}-{job.out}", pure=False)
+                    handed[future.key] = job
+                    return future
+
+                ahead = WINDOW * max(count, len(client.scheduler_info()["workers"]))
+                first = [future for future in (hand() for _ in range(ahead)) if future is not None]
+                queue = as_completed(first)
+                for future in queue:
+                    job = handed.pop(future.key)
+                    error = future.exception() if future.status == "error" else None
+                    if future.status == "finished":
+                        yield job, float(future.result())
+                    elif isinstance(error, KilledWorker):
+                        yield job, f"its worker died {TRIES} times"
+                    elif isinstance(error, BrightfieldError):
+                        yield job, str(error)
+                    else:
+                        yield job, f"{type(error).__name__}: {error}"
+                    following = hand()
+                    if following is not None:
+                        queue.add(following)
+        except OSError as error:
+            raise BrightfieldError(f"No Dask scheduler answers at {scheduler}: {error}") from None
+        finally:
+            if cluster is not None:
+                cluster.close()
+
+
+def frame_jobs(
+    path: str,
+    cameras: Sequence[str],
+    times: Sequence[float],
+    settings: CyclesSettings,
+    name: Callable[[str, float], str],
+    passes: Sequence[str] = (),
+    per_light: bool = False,
+    width: int = 0,
+    options: Options = Options(),  # noqa: B008  frozen
+) -> list[FrameJob]:
+    """A job for every camera and time code. ``name(camera, time)`` is the file that it is to write.
+
+    For pass ``motion`` each frame knows the one after it; the last one takes the step before.
+    """
+    from interchange.formats.document import open_scene
+
+    document = open_scene(path, options)
+    jobs = []
+    for camera in cameras:
+        for k, time_code in enumerate(times):
+            if len(times) < 2:
+                following = time_code
+            else:
+                following = times[k + 1] if k + 1 < len(times) else 2 * time_code - times[k - 1]
+            jobs.append(
+                FrameJob(
+                    os.path.abspath(path),
+                    document.digest,
+                    camera,
+                    time_code,
+                    name(camera, time_code),
+                    settings,
+                    tuple(passes),
+                    per_light,
+                    width,
+                    following if {"motion", "all"} & set(passes) else None,
+                    options,
+                )  # fmt: skip
+            )
+    return jobs
