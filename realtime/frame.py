@@ -43,8 +43,10 @@ class Frame:
         plan, targets = self.plan, self.stages.targets
         total = targets.get("total", self.size)
         own = {light.name: targets.get(f"light:{light.name}", self.size) for light in self.lights if alone}
-        jitters = (sampling.points(plan.passes, 0) - 0.5) / plan.grid
-        spots = sampling.disk(sampling.points(plan.passes, 2)) if self.blurred else np.zeros((plan.passes, 2))
+        jitters = (sampling.square(plan.passes) - 0.5) / plan.grid
+        spots = (
+            sampling.shuffled(sampling.disk(plan.passes), 0) if self.blurred else np.zeros((plan.passes, 2))
+        )
         weight = 1.0 / (plan.passes * plan.grid**2)
         for k in range(plan.passes):
             drawn = self._pass(plan.grid, jitters[k], spots[k])

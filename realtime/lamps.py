@@ -57,15 +57,17 @@ def samples(light: Light, index: int, rounds: int, origin: np.ndarray) -> list[l
     if not is_extended(light):
         rounds = 1
     each = DOME_POINTS if light.kind is LightKind.DOME else 1
-    net = sampling.points(rounds * each, 2 * index + 1)
-    net = net[np.random.default_rng(index).permutation(len(net))]
+    round_one = light.kind in (LightKind.SPHERE, LightKind.DISK, LightKind.DISTANT)
+    net = (sampling.disk if round_one else sampling.square)(rounds * each)
+    net = sampling.shuffled(net, index + 1)
     pose = light.world_from_light
     R, t = pose[:3, :3], pose[:3, 3] - origin
-    found = [_sample(light, R, t, u, len(net)) for u in net]
+    found = [_sample(light, R, t, u) for u in net]
     return [found[i * each : (i + 1) * each] for i in range(rounds)]
 
 
-def _sample(light: Light, R: np.ndarray, t: np.ndarray, u: np.ndarray, count: int) -> Sample:
+def _sample(light: Light, R: np.ndarray, t: np.ndarray, u: np.ndarray) -> Sample:
+    """``u`` (2,): on the unit disk for a round lamp, in the unit square for another."""
     record = np.zeros((MAPS, 4))
     record[0, :3], record[0, 3] = t, light.radius
     record[POWER, :3] = light.intensity
@@ -82,10 +84,10 @@ def _sample(light: Light, R: np.ndarray, t: np.ndarray, u: np.ndarray, count: in
     match light.kind:
         case LightKind.SPHERE:
             mode = "SPHERE" if light.radius > 0 else "POINT"
-            record[2, 3], record[3, 3], record[4, 3] = u[0], 1.0, 2 * np.pi * u[1]
+            record[2, 3], record[3, 3], record[4, 3] = u @ u, 1.0, np.arctan2(u[1], u[0])
         case LightKind.DISK:
             mode = "PLANAR"
-            place = t + R[:, :2] @ (light.radius * sampling.disk(u))
+            place = t + R[:, :2] @ (light.radius * u)
             record[0, :3] = place
         case LightKind.RECT:
             mode = "PLANAR"
@@ -102,7 +104,7 @@ def _sample(light: Light, R: np.ndarray, t: np.ndarray, u: np.ndarray, count: in
             record[0, :3], record[2, 3] = place, 2 * u[1] - 1
         case LightKind.DISTANT:
             mode, place = "DIRECTION", None
-            sine = np.sin(min(light.angle, np.pi) / 2) * sampling.disk(u)
+            sine = np.sin(min(light.angle, np.pi) / 2) * u
             towards = np.array([*sine, np.sqrt(max(1 - sine @ sine, 1e-6))])
             record[POWER, :3] /= towards[2]
             record[0, :3] = R @ towards
@@ -156,7 +158,14 @@ def _cumulative(texture: Texture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(h, w) density over the map, a quarter of it even over the sphere; its cumulative sums by row and column."""
     h = texture.pixels.shape[0]
     ring = np.sin(np.pi * (np.arange(h) + 0.5) / h)[:, None]
-    light = texture.pixels.mean(axis=2).astype(np.float64) * ring
+    light = texture.pixels.mean(axis=2).astype(np.float64)
+    # bilinear interpolation carries light into the neighbours
+    light = sum(
+        np.roll(np.pad(light, ((1, 1), (0, 0)), "edge"), (i, j), (0, 1))[1:-1]
+        for i in (-1, 0, 1)
+        for j in (-1, 0, 1)
+    )
+    light = light * ring
     even = np.broadcast_to(ring, light.shape)
     density = 0.75 * light / max(light.sum(), 1e-300) + 0.25 * even / even.sum()
     density /= density.sum()

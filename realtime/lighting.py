@@ -59,6 +59,7 @@ class LightingStage:
     ) -> None:
         self.context, self.uploads, self.programs, self.table = context, uploads, programs, table
         self._arrays: dict[int, moderngl.VertexArray] = {}
+        self._by_key: dict[tuple[object, ...], moderngl.Program] = {}
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
 
@@ -118,13 +119,28 @@ class LightingStage:
     def _program(
         self, group: Group, chunk: list[Lit], buffer: GBuffer, drawn: Pass, lit: bool
     ) -> moderngl.Program:
-        mode, shaped, profiled, faces = chunk[0].signature if chunk else ("NONE", False, False, 0)
-        uv = buffer.coordinates is not None
+        signature = chunk[0].signature if chunk else ("NONE", False, False, 0)
+        uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
+        key = (lit or group.key, signature, len(chunk), uv, telecentric, drawn.lensmap is not None)
+        if key not in self._by_key:
+            self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit)
+        return self._by_key[key]
+
+    def _compose(
+        self,
+        group: Group,
+        signature: tuple[str, bool, bool, int],
+        count: int,
+        uv: bool,
+        drawn: Pass,
+        lit: bool,
+    ) -> moderngl.Program:
+        mode, shaped, profiled, faces = signature
         fragment = bool(group.material and group.material.glsl)
         head = defines(
             {
                 f"MODE_{mode}": True,
-                "LIGHTS": len(chunk),
+                "LIGHTS": count,
                 "STRIDE": MAPS + 8 * faces,
                 "MAPS": MAPS,
                 "FACES": faces or None,
@@ -143,7 +159,7 @@ class LightingStage:
         if drawn.lensmap is not None:
             declared += "uniform vec2 aperture;\n"
         lights = ""
-        if chunk:
+        if count:
             declared += "layout(std140) uniform Lights { vec4 lights[LIGHTS * STRIDE]; };\n"
             declared += "uniform sampler2D shadow_map[LIGHTS];\n" if faces else ""
             declared += "uniform sampler2D profile[LIGHTS];\n" + text("profile.glsl") if profiled else ""
@@ -157,9 +173,9 @@ class LightingStage:
         )
         put(program, **UNITS)
         if faces:
-            put(program, shadow_map=_units(SHADOW_UNIT, len(chunk)))
+            put(program, shadow_map=_units(SHADOW_UNIT, count))
         if profiled:
-            put(program, profile=_units(PROFILE_UNIT, len(chunk)))
+            put(program, profile=_units(PROFILE_UNIT, count))
         return program
 
     def _screen(self, program: moderngl.Program) -> moderngl.VertexArray:

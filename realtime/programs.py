@@ -1,6 +1,7 @@
 """Shader programs: files of realtime/shaders put together with what a scene defines, compiled once a text."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib import resources
 
 import moderngl
@@ -10,6 +11,7 @@ from interchange.problems import BrightfieldError
 HEADER = "#version 410\n"
 
 
+@cache
 def text(name: str) -> str:
     """A file of realtime/shaders."""
     return resources.files("realtime.shaders").joinpath(name).read_text(encoding="utf-8")

@@ -49,6 +49,7 @@ class ShadowMaps:
         self.context, self.uploads, self.programs, self.bodies = context, uploads, programs, bodies
         self._kept: OrderedDict[tuple[object, ...], _Map] = OrderedDict()
         self._spare: list[_Map] = []
+        self._bytes = 0  # of the kept ones
 
     def frusta(self, sample: Sample, visible: Visible) -> list[Frustum | None]:
         """One or six frusta (None where nothing that is seen lies in a face), relative to the bodies' origin."""
@@ -107,9 +108,9 @@ class ShadowMaps:
         self.context.depth_func = ">"
         for i, frustum in enumerate(frusta):
             place = (i % 3 * side, i // 3 * side, side, side)
-            shadow.framebuffer.viewport = place
-            shadow.framebuffer.clear(depth=0.0, viewport=place)
             if frustum is not None:
+                shadow.framebuffer.viewport = place
+                shadow.framebuffer.clear(depth=0.0, viewport=place)
                 self._draw_face(frustum, sample, index)
         return shadow.texture
 
@@ -128,8 +129,9 @@ class ShadowMaps:
             group.render(context, program)
 
     def _take(self, size: tuple[int, int]) -> _Map:
-        while self._kept and sum(m.bytes for m in self._kept.values()) + size[0] * size[1] * 4 > BUDGET:
-            self._spare.append(self._kept.popitem(last=False)[1])
+        self._bytes += 4 * size[0] * size[1]
+        while self._kept and self._bytes > BUDGET:
+            self._set_aside(next(iter(self._kept)))
         for i, spare in enumerate(self._spare):
             if spare.texture.size == size:
                 return self._spare.pop(i)
@@ -140,7 +142,12 @@ class ShadowMaps:
     def expire(self) -> None:
         """Give the maps of an earlier shape of the scene free for others."""
         for key in [k for k in self._kept if k[2] != self.bodies.shape]:
-            self._spare.append(self._kept.pop(key))
+            self._set_aside(key)
+
+    def _set_aside(self, key: tuple[object, ...]) -> None:
+        shadow = self._kept.pop(key)
+        self._bytes -= shadow.bytes
+        self._spare.append(shadow)
 
     def forget_spares(self) -> None:
         for spare in self._spare:
@@ -152,6 +159,7 @@ class ShadowMaps:
         for shadow in self._kept.values():
             shadow.release()
         self._kept.clear()
+        self._bytes = 0
 
 
 def depth_program(programs: Programs, group: Group, uploads: Uploads, index: int) -> moderngl.Program:

@@ -67,10 +67,14 @@ class Pyrender:
         color, _ = self._renderer.render(drawn, flags=flags)
         names = {name: i for i, name in enumerate(scene.object_names)}
         ids = [names[b.name] + 1 for b in scene.bodies]
-        marks = {n: (i & 255, i >> 8 & 255, i >> 16) for n, i in zip(nodes, ids, strict=True) if n is not None}
+        marks = {
+            n: (i & 255, i >> 8 & 255, i >> 16) for n, i in zip(nodes, ids, strict=True) if n is not None
+        }
         marked, z = self._renderer.render(drawn, flags=flags | library.RenderFlags.SEG, seg_node_map=marks)
         depth = np.where(z > 0, z, np.inf)
-        if camera.lens.projection is Projection.ORTHOGRAPHIC:  # pyrender takes the buffer for a perspective one
+        if (
+            camera.lens.projection is Projection.ORTHOGRAPHIC
+        ):  # pyrender takes the buffer for a perspective one
             ndc = (far + near - 2 * near * far / np.where(z > 0, z, 1)) / (far - near)
             depth = np.where(z > 0, near + (ndc + 1) / 2 * (far - near), np.inf)
         return Image(
@@ -121,7 +125,9 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
 def _preview(library: Any, material: Material) -> Any:
     colors = [getattr(material.brdf, name, None) for name in ("diffuse", "diffuseColor")]
     color = next((c for c in colors if c is not None), (0.5, 0.5, 0.5))
-    return library.MetallicRoughnessMaterial(baseColorFactor=(*color, 1.0), metallicFactor=0.0, roughnessFactor=0.6)
+    return library.MetallicRoughnessMaterial(
+        baseColorFactor=(*color, 1.0), metallicFactor=0.0, roughnessFactor=0.6
+    )
 
 
 def _light(library: Any, light: Light) -> Any:
@@ -131,5 +137,7 @@ def _light(library: Any, light: Light) -> Any:
         return library.DirectionalLight(color=color, intensity=brightness)
     if light.cone_angle < np.pi / 2:
         inner = light.cone_angle * (1 - light.cone_softness)
-        return library.SpotLight(color=color, intensity=brightness, innerConeAngle=inner, outerConeAngle=light.cone_angle)
+        return library.SpotLight(
+            color=color, intensity=brightness, innerConeAngle=inner, outerConeAngle=light.cone_angle
+        )
     return library.PointLight(color=color, intensity=brightness)

@@ -22,8 +22,10 @@ Arrival arrival(int k, vec3 p)
     vec3 a = abs(to);
     vec3 reference = a.x >= a.y && a.x >= a.z ? vec3(sign(to.x), 0.0, 0.0)
         : a.y >= a.z ? vec3(0.0, sign(to.y), 0.0) : vec3(0.0, 0.0, sign(to.z));
-#else
+#elif defined(FACES)
     vec3 reference = -RECORD(k, 8).xyz;
+#else
+    vec3 reference = axis;
 #endif
     vec3 e1, e2;
     basis(reference, e1, e2);
