@@ -160,6 +160,7 @@ class _Nursery:
         if self._control is not None:
             self._control.close()
         if self._process is not None and self._owner == os.getpid():
+            self._process.kill()  # it keeps nothing; its guards go on by themselves
             self._process.wait()
         self._control = self._process = None
 

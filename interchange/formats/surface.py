@@ -108,11 +108,13 @@ def crease_mesh(
         b = points[faces[:, (k + 2) % 3]] - points[faces[:, k]]
         angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1))
         np.add.at(total, fan[k::3], n * angle[:, None])
-    length = np.linalg.norm(total, axis=1)
-    normals = np.where(
-        length[fan, None] > 1e-12, total[fan] / np.maximum(length[fan, None], 1e-300), n.repeat(3, 0)
-    )
-    return from_corners(points, faces, normals.reshape(-1, 3, 3), uv)
+    one = np.empty(count, np.int64)
+    one[fan] = np.arange(faces.size)  # a corner of each fan
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    normals = np.where(length > 1e-12, total / np.maximum(length, 1e-300), n[one // 3])
+    if uv is not None:
+        return from_corners(points, faces, normals[fan].reshape(-1, 3, 3), uv)
+    return Mesh(points[faces.ravel()[one]], fan.reshape(-1, 3).astype(np.int32), normals)
 
 
 def _next(corner: np.ndarray) -> np.ndarray:
