@@ -1,6 +1,7 @@
 """One pass of Cycles over the stage, and what it wrote."""
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -14,44 +15,38 @@ LAYER = "ViewLayer"
 def prepare(settings: CyclesSettings) -> None:
     """The settings of Blender's scene that stay for all passes of a frame."""
     scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.shading_system = True
-    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0
-    cycles.caustics_reflective = cycles.caustics_refractive = True
-    cycles.light_sampling_threshold = 0
-    cycles.use_fast_gi = False
     bounces = settings.max_bounces + 1  # the shader itself stops after max_bounces
-    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = (
-        bounces
-    )
-    cycles.transparent_max_bounces = 128
-    cycles.seed = settings.seed
-    cycles.use_auto_tile, cycles.tile_size = True, settings.tile
-    cycles.denoiser = "OPENIMAGEDENOISE"
-    scene.render.use_persistent_data = True
-    scene.render.threads_mode = "FIXED" if settings.threads else "AUTO"
+    _set(scene.render, engine="CYCLES", use_persistent_data=True)
+    _set(
+        scene.cycles, device="CPU", shading_system=True, pixel_filter_type="BOX", filter_width=1.0,
+        sample_clamp_direct=0.0, sample_clamp_indirect=0.0, blur_glossy=0.0, light_sampling_threshold=0.0,
+        caustics_reflective=True, caustics_refractive=True, use_fast_gi=False, transparent_max_bounces=128,
+        max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces, transmission_bounces=bounces,
+        seed=settings.seed, use_auto_tile=True, tile_size=settings.tile, denoiser="OPENIMAGEDENOISE",
+    )  # fmt: skip
+    _set(scene.render, threads_mode="FIXED" if settings.threads else "AUTO")
     if settings.threads:
-        scene.render.threads = settings.threads
-    scene.view_settings.view_transform = "Raw"
-    image = scene.render.image_settings
-    image.media_type = "MULTI_LAYER_IMAGE"
-    image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
-    layer = scene.view_layers[0]
-    assert layer.name == LAYER
-    layer.use_pass_position = layer.use_pass_emit = True
+        _set(scene.render, threads=settings.threads)
+    _set(scene.view_settings, view_transform="Raw")
+    _set(scene.render.image_settings, media_type="MULTI_LAYER_IMAGE")
+    _set(scene.render.image_settings, file_format="OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE")
+    _set(scene.view_layers[0], name=LAYER, use_pass_position=True, use_pass_emit=True)
+
+
+def _set(owner: Any, **values: Any) -> None:
+    """Assign what differs: Blender takes every assignment for a change, and compiles all shaders anew."""
+    for name, value in values.items():
+        if getattr(owner, name) != value:
+            setattr(owner, name, value)
 
 
 def trace(path: Path, samples: int, noise: float = 0.0, denoise: bool = False) -> dict[str, np.ndarray]:
     """``Combined``, ``Emission`` and ``Position``, (H, W, 3) each."""
     scene = bpy.context.scene
-    scene.cycles.samples = samples
-    scene.cycles.use_adaptive_sampling = noise > 0
-    scene.cycles.adaptive_threshold = noise
-    scene.cycles.use_denoising = denoise
-    scene.render.filepath = str(path)
+    _set(scene.cycles, samples=samples, use_adaptive_sampling=noise > 0, use_denoising=denoise)
+    if noise > 0:
+        _set(scene.cycles, adaptive_threshold=noise)
+    _set(scene.render, filepath=str(path))
     bpy.ops.render.render(write_still=True)
     channels = read_exr(path)
     path.unlink()

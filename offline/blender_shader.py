@@ -59,7 +59,7 @@ class ScriptMaterial:
             source.attribute_name = attribute
             tree.links.new(source.outputs["Vector"], self.node.inputs.new("NodeSocketVector", name))
         about = tree.nodes.new("ShaderNodeObjectInfo")
-        tree.links.new(about.outputs["Color"], self.node.inputs.new("NodeSocketColor", "body"))
+        tree.links.new(about.outputs["Color"], self.node.inputs.new("NodeSocketColor", "task"))
 
     def update(self, source: str, values: dict[str, Any]) -> None:
         if source != self.source:

@@ -9,13 +9,13 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.material import Material, Texture
 from interchange.scene import Body, Scene
-from offline import lamps, opacity
+from offline import opacity
 from offline.blender_camera import BlenderCamera
 from offline.blender_matrix import matrix
 from offline.blender_mesh import build
 from offline.blender_shader import ScriptMaterial
 from offline.raw_files import write_tiff
-from offline.shading import sockets, surface
+from offline.shading import lamps_of, sockets, surface
 
 
 class Stage:
@@ -47,9 +47,14 @@ class Stage:
         self.camera.update(camera, defocus)
 
     def control(self, **values: int | float) -> None:
-        """Set the sockets that all materials share: mode, only, last, grid, salt."""
+        """Set the sockets that all materials share: last, grid, salt."""
         for slot, (material, text) in enumerate(self.texts):
             self.materials[slot].update(text, {**sockets(material), **values})
+
+    def task(self, mode: int, only: int) -> None:
+        """What the shaders compute next (osl/surface.osl): told by the objects' colour, which costs no compiling."""
+        for k, thing in enumerate(self.objects):
+            thing.color = (k + 1, mode + 1, only + 8, 1)
 
     def _materials(self, scene: Scene) -> None:
         distinct: list[Material] = []
@@ -61,17 +66,14 @@ class Stage:
                 distinct.append(body.material)
             self.slots.append(slot)
         see_through = any(opacity.is_see_through(m) for m in distinct)
-        packed = lamps.pack(scene.lights)
         self.used: set[int] = set()
 
         def file_of(texture: Texture) -> str:
             self.used.add(id(texture))
             return self.file_of(texture)
 
-        functions = lamps.texture_function(scene.lights, file_of)
-        self.texts = [
-            (m, surface(m, packed, len(scene.lights), functions, see_through, file_of)) for m in distinct
-        ]
+        lit_by = lamps_of(scene.lights, file_of)
+        self.texts = [(m, surface(m, lit_by, see_through, file_of)) for m in distinct]
         while len(self.materials) < len(distinct):
             self.materials.append(ScriptMaterial(self.folder))
         while len(self.materials) > max(len(distinct), 1):
@@ -96,7 +98,6 @@ class Stage:
             used.add(key)
             if k == len(self.objects):
                 thing = bpy.data.objects.new(f"body{k}", data)
-                thing.color = (k + 1, 0, 0, 1)
                 self.scene.collection.objects.link(thing)
                 thing.material_slots[0].link = "OBJECT"
                 self.objects.append(thing)

@@ -29,6 +29,7 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
     stage.update(job.scene, job.camera, defocus=True)
     salt = float(settings.seed % 16384 * 1024)
     common = {"last": settings.max_bounces, "grid": settings.lamp_grid, "salt": salt}
+    stage.control(**common)
     path = folder / "pass.exr"
     spent = 0.0
     arrays: dict[str, np.ndarray] = {}
@@ -37,7 +38,7 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
         mode: int, only: int, samples: int, noise: float = 0.0, denoise: bool = False
     ) -> dict[str, np.ndarray]:
         nonlocal spent
-        stage.control(mode=mode, only=only, **common)
+        stage.task(mode, only)
         start = time.perf_counter()
         found = blender.trace(path, samples, noise, denoise)
         spent += time.perf_counter() - start

@@ -36,12 +36,6 @@ def pack(lights: Sequence[Light]) -> list[float]:
             LightKind.DISTANT: (min(light.angle, np.pi) / 2, 0.0),
             LightKind.DOME: (0.0, 0.0),
         }[light.kind]
-        shaped = (
-            light.cone_angle < np.pi
-            or light.cone_softness > 0
-            or light.focus > 0
-            or light.profile is not None
-        )
         profile = dome = texture = -1.0
         if light.profile is not None:
             profile = first + len(tables)
@@ -60,13 +54,36 @@ def pack(lights: Sequence[Light]) -> list[float]:
             *pose[:3, :3].T.ravel(),
             *size,
             *(light.intensity if delta else light.radiance),
-            light.cone_angle, light.cone_softness, light.focus, *light.focus_tint, float(shaped),
+            light.cone_angle, light.cone_softness, light.focus, *light.focus_tint, float(is_shaped(light)),
             profile, light.profile_angle_scale, texture, float(light.casts_shadows),
             float(np.hypot(*size)) if light.kind in (LightKind.RECT, LightKind.CYLINDER) else size[0],
             area if area > 0 else 1.0,
             dome,
         ]  # fmt: skip
     return [float(x) for x in head + tables]
+
+
+def features(lights: Sequence[Light]) -> dict[str, bool]:
+    """Which parts of osl/lamps.osl these lamps need: the others are not compiled."""
+    kinds = {x.kind for x in lights if x.kind is LightKind.DOME or not x.is_delta}
+    area = {LightKind.SPHERE, LightKind.DISK, LightKind.RECT, LightKind.CYLINDER} & kinds
+    return {
+        "HAS_DELTA": any(x.is_delta and x.kind is not LightKind.DOME for x in lights),
+        "HAS_EXTENT": bool(kinds),
+        "HAS_AREA": bool(area),
+        "HAS_SPHERE": LightKind.SPHERE in kinds,
+        "HAS_FLAT": bool({LightKind.DISK, LightKind.RECT} & kinds),
+        "HAS_CYLINDER": LightKind.CYLINDER in kinds,
+        "HAS_DISTANT": LightKind.DISTANT in kinds,
+        "HAS_DOME": LightKind.DOME in kinds,
+        "HAS_SHAPING": any(map(is_shaped, lights)),
+        "HAS_PROFILE": any(x.profile is not None for x in lights),
+        "HAS_TEXTURE": any(x.texture is not None for x in lights),
+    }
+
+
+def is_shaped(light: Light) -> bool:
+    return light.cone_angle < np.pi or light.cone_softness > 0 or light.focus > 0 or light.profile is not None
 
 
 def dome_table(texture: Texture) -> list[float]:

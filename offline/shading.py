@@ -4,7 +4,8 @@ Every number that may change from frame to frame without changing the text is a 
 (``sockets``); the lamps are an array in the text. Nothing here knows Blender.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -12,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from interchange.brdf import Brdf
+from interchange.light import Light
 from interchange.material import Material, Texture, Wrap
 from interchange.parameter import Kind, parameters
 from interchange.shader import OSL, function
+from offline import lamps
 from offline.proposals import proposals
 
 WRAP = {Wrap.BLACK: "black", Wrap.CLAMP: "clamp", Wrap.REPEAT: "periodic", Wrap.MIRROR: "mirror"}
@@ -57,9 +60,23 @@ def splits(brdf: Brdf) -> bool:
     return bool(np.allclose(high - low, 0.5 / np.pi, rtol=1e-9, atol=1e-9))
 
 
-def surface(material: Material, lamps: list[float], lamp_count: int, texture_functions: str,
-            see_through: bool, file_of: Callable[[Texture], str]) -> str:  # fmt: skip
-    """The OSL source of ``material`` under ``lamps`` (see ``offline.lamps.pack``). ``file_of`` writes a texture."""
+@dataclass(frozen=True)
+class Lamps:
+    """The lamps of a frame in OSL: numbers, the functions of their textures, and what parts they need."""
+
+    count: int
+    numbers: tuple[float, ...]
+    functions: str
+    features: tuple[tuple[str, bool], ...]
+
+
+def lamps_of(lights: Sequence[Light], file_of: Callable[[Texture], str]) -> Lamps:
+    functions = lamps.texture_function(lights, file_of)
+    return Lamps(len(lights), tuple(lamps.pack(lights)), functions, tuple(lamps.features(lights).items()))
+
+
+def surface(material: Material, lit_by: Lamps, see_through: bool, file_of: Callable[[Texture], str]) -> str:
+    """The OSL source of ``material``. ``file_of`` writes a texture and says where."""
     brdf = material.brdf
     count = len(brdf.flat())
     slots = brdf.slots()
@@ -96,9 +113,9 @@ def surface(material: Material, lamps: list[float], lamp_count: int, texture_fun
         "GATHER": " ".join(f"p[{i}] = p{i // 3}[{i % 3}];" for i in range(count)),
         "MAPS": "\n    ".join(maps),
         "NORMAL_MAP": normal_map,
-        "LAMP_NUMBERS": str(max(len(lamps), 1)),
-        "LAMPS": ", ".join(map(number, lamps or [0.0])),
-        "LAMP_COUNT": str(lamp_count),
+        "LAMP_NUMBERS": str(max(len(lit_by.numbers), 1)),
+        "LAMPS": ", ".join(map(number, lit_by.numbers or (0.0,))),
+        "LAMP_COUNT": str(lit_by.count),
         "LOBE_NUMBERS": str(6 * lobe_count),
         "LOBE_CODE": lobe_code,
         "MATTE": matte,
@@ -106,11 +123,16 @@ def surface(material: Material, lamps: list[float], lamp_count: int, texture_fun
     text = library("surface.osl")
     for key, value in fill.items():
         text = text.replace(f"@{key}@", value)
-    head = f'#include "stdcycles.h"\n#define LOBES {lobe_count}\n#define SEE_THROUGH {int(see_through)}\n'
-    return "\n".join(
-        [head, OSL.power, function(brdf, OSL, "brdf"), texture_functions, library("lamps.osl"),
-         library("lobes.osl"), text]
-    )  # fmt: skip
+    flags = {"LOBES": lobe_count, "SEE_THROUGH": see_through, **dict(lit_by.features)}
+    head = ['#include "stdcycles.h"', *(f"#define {name} {int(value)}" for name, value in flags.items())]
+    parts = [
+        OSL.power,
+        function(brdf, OSL, "brdf"),
+        lit_by.functions,
+        library("lamps.osl"),
+        library("lobes.osl"),
+    ]
+    return "\n".join([*head, *parts, text])
 
 
 def sockets(material: Material) -> dict[str, Any]:
