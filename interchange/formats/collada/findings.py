@@ -1,5 +1,7 @@
 """What is wrong with a COLLADA file, with the element at which it was noticed."""
 
+import os
+from dataclasses import replace
 from typing import Any
 
 from interchange.problems import FileError, Problem, Severity, Where
@@ -31,7 +33,10 @@ class Findings:
         self._known: set[Problem] = set()
 
     def _add(self, severity: Severity, message: str, element: Any) -> None:
-        problem = Problem(message, Where(self.file) if element is None else place(element), severity)
+        where = Where(self.file) if element is None else place(element)
+        if where.file == os.path.abspath(self.file):
+            where = replace(where, file=self.file)  # as the user named it
+        problem = Problem(message, where, severity)
         if problem in self._known:
             return
         if len(self.problems) >= MOST:

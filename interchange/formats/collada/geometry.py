@@ -83,7 +83,7 @@ class Geometries:
         path = f"{scope}/{name}"
         usd = UsdGeom.Mesh.Define(self.stage, path)
         points = np.pad(positions[:, :3], ((0, 0), (0, max(0, 3 - positions.shape[1]))))
-        points = np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0)  # those in use are finite
+        points = np.where(np.abs(points) < np.finfo(np.float32).max, points, 0.0)  # those in use are finite
         counts = np.concatenate([g.counts for g in groups])
         indices = np.concatenate([g.corners[:, _offset(g, "POSITION")] for g in groups])
         usd.CreatePointsAttr(_vec3(points))
@@ -157,13 +157,17 @@ class Geometries:
             parts.append(self._finite(np.pad(values, ((0, 0), (0, 3 - values.shape[1]))), "Colours", group))
             if any(i.semantic == "COLOR" and i is not given for i in group.inputs):
                 self.lib.find.loss("Only the first set of vertex colours is kept.", group.element)
+        self.lib.find.note(
+            "Vertex colours are kept as displayColor; a material covers them.", groups[0].element
+        )
         values = np.concatenate(parts)
         self._indexed(usd, "displayColor", Sdf.ValueTypeNames.Color3fArray, values, Vt.Vec3fArray)
 
     def _finite(self, values: np.ndarray, what: str, group: Group) -> np.ndarray:
-        if not np.isfinite(values).all():
+        finite = np.abs(values) < np.finfo(np.float32).max
+        if not finite.all():
             self.lib.find.loss(f"{what} that are not finite are taken as 0.", group.element)
-        return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+        return np.where(finite, values, 0.0)
 
     def _indexed(self, usd: UsdGeom.Mesh, name: str, kind: Any, values: np.ndarray, array: Any) -> None:
         values = np.ascontiguousarray(values, np.float32)

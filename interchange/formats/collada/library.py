@@ -24,6 +24,7 @@ class Library:
         self._documents: dict[Path, Any] = {}
         self._ids: dict[Any, dict[str, Any]] = {}
         self._frames: dict[Any, tuple[float, str]] = {}
+        self._own: dict[Any, bool] = {}
         self.versions: dict[Any, str] = {}
         self.main = self._open(path.absolute())
 
@@ -122,6 +123,23 @@ class Library:
                 unit, up = self._asset(asset, unit, up)
             self._frames[element] = (unit, up)
         return self._frames[element]
+
+    def frame_within(self, element: Any, context: Any, context_frame: np.ndarray) -> np.ndarray:
+        """The frame of what is instanced: its own <asset>'s, else that of the ``context`` which instances it,
+        else, in another document, that document's."""
+        if self._has_own(element):
+            return self.frame(element)
+        return context_frame if self.main_of(element) is self.main_of(context) else self.frame(element)
+
+    def _has_own(self, element: Any) -> bool:
+        """Whether an <asset> below the root gives an element its own unit or up axis."""
+        if element.getparent() is None:
+            return False
+        if element not in self._own:
+            asset = element.find("asset")
+            own = asset is not None and (asset.find("unit") is not None or asset.find("up_axis") is not None)
+            self._own[element] = own or self._has_own(element.getparent())
+        return self._own[element]
 
     def _asset(self, asset: Any, unit: float, up: str) -> tuple[float, str]:
         given = asset.find("unit")

@@ -98,10 +98,20 @@ def _bridged(loop: list[int], hole: list[int], points: np.ndarray) -> list[int]:
             offset = points[outline[found]] - m
             angle = np.abs(np.arctan2(offset[:, 1], offset[:, 0]))
             seen = int(found[np.lexsort((np.linalg.norm(offset, axis=1), angle))[0]])
+        # earlier bridges run twice through their ends: take the visit whose corner opens towards the hole
+        twins = np.flatnonzero((points[outline] == points[outline[seen]]).all(axis=1))
+        seen = int(next((t for t in twins if _opens(points[outline], t, m)), seen))
     else:  # the hole lies outside its outline: any bridge will do
         seen = int(np.argmin(np.linalg.norm(points[outline] - m, axis=1)))
     turned = hole[start:] + hole[:start]
     return [*loop[: seen + 1], *turned, turned[0], *loop[seen:]]
+
+
+def _opens(loop: np.ndarray, i: int, p: np.ndarray) -> bool:
+    """Whether the way from corner ``i`` of a loop to ``p`` starts on the loop's left side."""
+    before, here, after = loop[i - 1], loop[i], loop[(i + 1) % len(loop)]
+    sides = (bool(_turn(before, here, p) >= 0), bool(_turn(here, after, p) >= 0))
+    return all(sides) if _turn(before, here, after) > 0 else any(sides)
 
 
 def _inside(triangle: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -55,8 +55,8 @@ def read_group(element: Any, lib: Library, sources: Sources) -> Group | None:
             return None
     points = position.values[corners[:, position.offset]]
     points = np.pad(points[:, :3], ((0, 0), (0, max(0, 3 - points.shape[1]))))
-    if not np.isfinite(points).all():
-        lib.find.error("Positions that are used must be finite numbers.", element)
+    if not (np.abs(points) < np.finfo(np.float32).max).all():
+        lib.find.error("Positions that are used must be finite numbers (of single precision).", element)
         return None
     try:
         counts, corners = _simple_faces(counts, corners, holes, points)

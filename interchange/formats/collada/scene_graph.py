@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
-from interchange.formats.collada.animation import Animations
+from interchange.formats.collada.animation import MOST_SAMPLES, Animations
 from interchange.formats.collada.camera import author_camera
 from interchange.formats.collada.extra import author_attributes, keep_extras, keep_name, own_extra
 from interchange.formats.collada.geometry import Geometries, Prototype
@@ -41,11 +41,24 @@ class SceneGraph:
         for element in visual_scene:
             if element.tag == "evaluate_scene":
                 self.lib.find.note("Render passes (evaluate_scene) are left out.", element)
-        work = [(node, parent, self.stage_frame) for node in reversed(roots)]
-        while work:
-            node, above, frame = work.pop()
-            path, frame = self._node(node, above, frame)
-            work += [(child, path, frame) for child in reversed(list(self._children(node)))]
+        scene_frame = self.lib.frame(visual_scene)
+        work = [
+            (n, parent, self.stage_frame, self.lib.frame_within(n, visual_scene, scene_frame)) for n in roots
+        ]
+        work.reverse()
+        planned: list[tuple[Any, str, np.ndarray, np.ndarray]] = []
+        layer = self.stage.GetRootLayer()
+        with Sdf.ChangeBlock():  # prims one by one cost the square of their number
+            while work:
+                node, above, frame, own = work.pop()
+                path = self._path(above, written_name(node) or node.get("id") or node.get("name"), "node")
+                spec = Sdf.CreatePrimInLayer(layer, path)
+                spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
+                planned.append((node, path, frame, own))
+                for child in reversed(list(self._children(node))):
+                    work.append((child, path, own, self.lib.frame_within(child, node, own)))
+        for node, path, frame, own in planned:
+            self._node(node, path, frame, own)
 
     def _children(self, node: Any) -> Iterator[Any]:
         """The nodes within a node: its own, and those of other places that it instances."""
@@ -95,15 +108,13 @@ class SceneGraph:
             return f"{parent}/{base}"
         return self._path(parent, f"{base}_{count}", otherwise)
 
-    def _node(self, node: Any, above: str, frame: np.ndarray) -> tuple[str, np.ndarray]:
+    def _node(self, node: Any, path: str, frame: np.ndarray, own: np.ndarray) -> None:
+        """Fill the prim of a node, which is in the frame ``own`` below a prim in the frame ``frame``."""
         extra = own_extra(node)
-        own_name = None if extra is None else extra.find("usd")
-        name = None if own_name is None else own_name.get("name")
-        path = self._path(above, name or node.get("id") or node.get("name"), "node")
-        merged = path if own_name is not None and own_name.get("merged") == "1" else None
-        prim = UsdGeom.Xform.Define(self.stage, path).GetPrim()
+        given = None if extra is None else extra.find("usd")
+        merged = path if given is not None and given.get("merged") == "1" else None
+        prim = self.stage.GetPrimAtPath(path)
         keep_name(prim, node)
-        own = self.lib.frame(node)
         _convert(prim, frame, own)
         author_transforms(prim, node, self.lib, self.animations)
         if extra is not None and (given := extra.find("prim")) is not None:
@@ -123,13 +134,10 @@ class SceneGraph:
                     self._light(path, merged, child)
                 case "instance_camera":
                     self._camera(path, merged, child)
-        return path, own
 
     def _below(self, above: str, instance: Any, target: Any) -> str:
         """The path of an instance: the name that this program wrote, else that of what it instances."""
-        extra = own_extra(instance)
-        given = None if extra is None else extra.find("usd")
-        name = None if given is None else given.get("name")
+        name = written_name(instance)
         return self._path(above, name or target.get("id") or target.get("name"), target.tag)
 
     def _mesh(self, path: str, instance: Any, geometry: Any, frame: np.ndarray, shape: np.ndarray) -> None:
@@ -138,7 +146,7 @@ class SceneGraph:
             return
         prim = self.stage.DefinePrim(path, "Mesh")
         prim.GetReferences().AddInternalReference(prototype.path)
-        _convert(prim, frame, self.lib.frame(geometry))
+        _convert(prim, frame, self.lib.frame_within(geometry, instance, frame))
         if not np.array_equal(shape, np.eye(4)):
             op = UsdGeom.Xformable(prim).AddTransformOp(opSuffix="bindShape")
             op.Set(Gf.Matrix4d(shape.T.tolist()))
@@ -260,7 +268,11 @@ class SceneGraph:
     def undo_scales(self) -> None:
         """Take the stretching of the nodes above away from lamps and cameras, which have no size in COLLADA."""
         for prim, element in self.rigid:
-            times = [Usd.TimeCode.Default(), *_times(prim)]
+            moving = _times(prim)
+            if moving:  # the inverse of a motion is not linear: one sample a frame
+                first, last = np.ceil(moving[0]), min(moving[-1], moving[0] + MOST_SAMPLES)
+                moving = sorted({*moving, *np.arange(first, last + 1e-9).tolist()})
+            times = [Usd.TimeCode.Default(), *map(Usd.TimeCode, moving)]
             locals_ = []
             for time in times:
                 above = matrix(UsdGeom.XformCache(time).GetParentToWorldTransform(prim))
@@ -282,15 +294,24 @@ class SceneGraph:
                     op.Set(Gf.Matrix4d(m.T.tolist()), time)
 
 
+def written_name(element: Any) -> str | None:
+    """The name that this program gave to the prim of a node or an instance."""
+    extra = own_extra(element)
+    given = None if extra is None else extra.find("usd")
+    return None if given is None else given.get("name")
+
+
 def _convert(prim: Usd.Prim, to: np.ndarray, source: np.ndarray) -> None:
     """An operation from one unit and up axis to another, where they differ."""
+    if np.array_equal(to, source):
+        return
     m = np.linalg.inv(to) @ source
     if not np.allclose(m, np.eye(4), atol=1e-12):
         op = UsdGeom.Xformable(prim).AddTransformOp(opSuffix="asset")
         op.Set(Gf.Matrix4d(np.round(m, 15).T.tolist()))
 
 
-def _times(prim: Usd.Prim) -> list[Usd.TimeCode]:
+def _times(prim: Usd.Prim) -> list[float]:
     """Every time at which something above a prim moves."""
     times: set[float] = set()
     above = prim.GetParent()
@@ -298,4 +319,4 @@ def _times(prim: Usd.Prim) -> list[Usd.TimeCode]:
         for op in UsdGeom.Xformable(above).GetOrderedXformOps() if above.IsA(UsdGeom.Xformable) else []:
             times.update(op.GetTimeSamples())
         above = above.GetParent()
-    return [Usd.TimeCode(t) for t in sorted(times)]
+    return sorted(times)
