@@ -14,7 +14,6 @@ from realtime.passes import Centre, centre, motion
 from realtime.schedule import schedule
 from realtime.shadow_fit import Visible
 from realtime.stages import Stages
-from realtime.target import Target
 from realtime.view import has_depth_of_field, view
 
 LEAST, MOST = 512, 2048  # texels along a side of a shadow map that is fitted to the image
@@ -41,6 +40,8 @@ class Frame:
     def radiance(self, alone: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The image (H, W, 3), and each lamp's own by its name if ``alone``."""
         plan, targets = self.plan, self.stages.targets
+        if plan.passes * plan.grid == 1 and not alone:
+            return self._only_pass(), {}
         total = targets.get("total", self.size)
         own = {light.name: targets.get(f"light:{light.name}", self.size) for light in self.lights if alone}
         jitters = (sampling.square(plan.passes) - 0.5) / plan.grid
@@ -51,14 +52,32 @@ class Frame:
         for k in range(plan.passes):
             drawn = self._pass(plan.grid, jitters[k], spots[k])
             buffer = self._gbuffer(drawn, k)
+            self.stages.lighting.begin(buffer, drawn)
             if self.stages.table.emits:
-                self.stages.lighting.add(total.framebuffer, buffer, drawn, [], [], weight)
+                self.stages.lighting.add([], [])
+                if alone:
+                    self.stages.lighting.resolve(total.framebuffer, weight)
             for chunk in chunks(list(self._points_of_pass(k)), alone):
-                target = own[chunk[0].sample.light.name] if alone else total
-                self._light(target, buffer, drawn, chunk, weight, k, lit=False)
+                self._light(chunk, k)
+                if alone:
+                    target = own[chunk[0].sample.light.name]
+                    self.stages.lighting.resolve(target.framebuffer, weight)
+            if not alone:
+                self.stages.lighting.resolve(total.framebuffer, weight)
         images = {name: target.read() for name, target in own.items()}
         targets.keep({"total", *(f"light:{name}" for name in own)})
         return sum(images.values(), total.read()), images
+
+    def _only_pass(self) -> np.ndarray:
+        """The image of a single sample a pixel, without a sum."""
+        lighting = self.stages.lighting
+        drawn = self._pass(1, MIDDLE, MIDDLE)
+        lighting.begin(self._gbuffer(drawn, 0), drawn)
+        if self.stages.table.emits:
+            lighting.add([], [])
+        for chunk in chunks(list(self._points_of_pass(0)), False):
+            self._light(chunk, 0)
+        return lighting.read()
 
     def centre_passes(self, wanted: tuple[str, ...], following: Scene | None) -> dict[str, np.ndarray]:
         """Passes through the pixels' centres."""
@@ -85,11 +104,14 @@ class Frame:
     def _lit_shares(self, drawn: Pass, buffer: GBuffer) -> dict[str, np.ndarray]:
         """``lit:NAME``: of a lamp's points above the surface's horizon, the share that nothing hides."""
         found = {}
+        lighting = self.stages.lighting
+        lighting.begin(buffer, drawn)
         for light, points in zip(self.lights, self.points, strict=True):
             target = self.stages.targets.get("lit", self.size)
             for k, at_once in enumerate(points):
                 for chunk in chunks([self._prepare(p, 1.0) for p in at_once], False):
-                    self._light(target, buffer, drawn, chunk, 1.0, k, lit=True)
+                    self._light(chunk, k, lit=True)
+            lighting.resolve(target.framebuffer, 1.0)
             sums = target.read()
             share = np.divide(
                 sums[..., 0], sums[..., 1], out=np.zeros(sums.shape[:2], np.float32), where=sums[..., 1] > 0
@@ -98,18 +120,9 @@ class Frame:
         self.stages.targets.keep({"total"})
         return found
 
-    def _light(
-        self,
-        target: Target,
-        buffer: GBuffer,
-        drawn: Pass,
-        chunk: list[Lit],
-        weight: float,
-        index: int,
-        lit: bool,
-    ) -> None:
+    def _light(self, chunk: list[Lit], index: int, lit: bool = False) -> None:
         maps = [self.stages.shadows.draw(p.frusta, self.side, p.sample, index) for p in chunk if p.frusta]
-        self.stages.lighting.add(target.framebuffer, buffer, drawn, chunk, maps, weight, lit)
+        self.stages.lighting.add(chunk, maps, lit)
 
     def _pass(self, grid: int, jitter: np.ndarray, spot: np.ndarray) -> Pass:
         lens = self.camera.lens

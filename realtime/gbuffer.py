@@ -18,7 +18,7 @@ NOTHING = -1.0  # the body's number where no surface is
 @dataclass(eq=False)
 class GBuffer:
     """Float textures of one size. ``plane``: 1/Z (Z if telecentric), its slopes, body; ``frame``: octahedral normal,
-    the tangent's angle, material row; ``coordinates``: u, v; ``slopes``: of u/Z and v/Z along the window."""
+    the tangent's direction, material row; ``coordinates``: u, v; ``slopes``: of u/Z and v/Z along the window."""
 
     size: tuple[int, int]
     plane: moderngl.Texture
@@ -70,7 +70,7 @@ class GBufferStage:
         buffer.framebuffer.use()
         buffer.framebuffer.clear(0.0, 0.0, 0.0, NOTHING, depth=0.0)
         matrix = view.clip_from_world
-        eye_z = np.linalg.inv(view.world_from_eye)[2]
+        eye_z = view.eye_from_world[2]
         for group, seen in zip(self.bodies.groups, self.bodies.visible(matrix), strict=True):
             if not seen:
                 continue

@@ -7,6 +7,7 @@ import moderngl
 import numpy as np
 
 from realtime import materials
+from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
 from realtime.lamps import MAPS, POWER, Sample, is_shaped
 from realtime.lens import Lensmap
@@ -18,8 +19,20 @@ from realtime.uploads import Uploads
 from realtime.view import View
 
 CHUNK = 4  # lamps a draw
-UNITS = {"g_plane": 0, "g_frame": 1, "g_coordinates": 2, "g_slopes": 3, "lens": 4, "materials": 5}
-SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 6, 10, 16
+UNITS = {
+    "g_plane": 0,
+    "g_frame": 1,
+    "g_coordinates": 2,
+    "g_slopes": 3,
+    "lens": 4,
+    "materials": 5,
+    "groups": 6,
+    "samples": 0,
+}
+SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 7, 11, 16
+
+
+Signature = tuple[str, bool, bool, bool, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +44,16 @@ class Lit:
     frusta: list[Frustum | None]
 
     @property
-    def signature(self) -> tuple[str, bool, bool, int]:
-        """Points of one signature are lit by one program: mode, shaped, with a profile, shadow maps."""
+    def signature(self) -> Signature:
+        """Points of one signature are lit by one program: mode, shaped, focused, with a profile, shadow maps."""
         light = self.sample.light
-        return self.sample.mode, is_shaped(light), light.profile is not None, len(self.frusta)
+        return (
+            self.sample.mode,
+            is_shaped(light),
+            light.focus != 0,
+            light.profile is not None,
+            len(self.frusta),
+        )
 
     def scaled(self, share: float) -> "Lit":
         record = self.record.copy()
@@ -53,7 +72,23 @@ class Pass:
     lensmap: Lensmap | None
 
 
+@dataclass(eq=False)
+class Samples:
+    """Radiance of every sample of one pass, and the group it belongs to, as a depth."""
+
+    color: moderngl.Texture
+    depth: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+
+    def release(self) -> None:
+        self.framebuffer.release()
+        self.color.release()
+        self.depth.release()
+
+
 class LightingStage:
+    """``begin`` a pass, ``add`` light to it, ``resolve`` it into an image; the last two as often as wanted."""
+
     def __init__(
         self, context: moderngl.Context, uploads: Uploads, programs: Programs, table: MaterialTable
     ) -> None:
@@ -62,48 +97,120 @@ class LightingStage:
         self._by_key: dict[tuple[object, ...], moderngl.Program] = {}
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
+        self._kept: Samples | None = None
+        self._groups: moderngl.Texture | None = None
 
-    def add(
-        self,
-        target: moderngl.Framebuffer,
-        buffer: GBuffer,
-        drawn: Pass,
-        chunk: list[Lit],
-        maps: list[moderngl.Texture],
-        weight: float,
-        lit: bool = False,
-    ) -> None:
-        """Add the light of a chunk to ``target``; of none, what surfaces emit. ``lit``: visibility instead."""
-        context = self.context
-        target.use()
-        context.disable(moderngl.DEPTH_TEST)
-        context.enable(moderngl.BLEND)
-        context.blend_func = moderngl.ONE, moderngl.ONE
+    def begin(self, buffer: GBuffer, drawn: Pass) -> None:
+        """Take up a pass: sort its samples by material group."""
+        self._buffer, self._pass = buffer, drawn
+        size = buffer.size
+        if drawn.lensmap is not None:
+            height, width = drawn.lensmap.d.shape[:2]
+            size = ((width - 1) * drawn.grid, (height - 1) * drawn.grid)
+            self._lens_texture(drawn.lensmap).use(UNITS["lens"])
+        self._samples = self._fitting(size)
         for unit, texture in enumerate(buffer.textures):
+            texture.use(unit)
+        depths = np.zeros(max(len(self.table.materials), 1), np.float32)
+        for number, group in enumerate(self.table.groups):
+            depths[group.first : group.last] = _depth(number)
+        self._groups_texture(depths).use(UNITS["groups"])
+        context, samples = self.context, self._samples
+        samples.framebuffer.use()
+        samples.framebuffer.depth_mask = True
+        samples.framebuffer.clear(depth=0.0)
+        context.disable(moderngl.BLEND)
+        context.enable(moderngl.DEPTH_TEST)
+        context.depth_func = "1"
+        head = defines({"LENS": drawn.lensmap is not None})
+        program = self.programs.get(
+            [text("screen_vertex.glsl")], [head, text("locate.glsl"), text("sort_fragment.glsl")]
+        )
+        put(program, **UNITS)
+        self._draw(program, 0.0)
+        samples.framebuffer.depth_mask = False
+
+    def add(self, chunk: list[Lit], maps: list[moderngl.Texture], lit: bool = False) -> None:
+        """Add the light of a chunk; of none, what surfaces emit. ``lit``: visibility instead."""
+        context, drawn = self.context, self._pass
+        self._samples.framebuffer.use()
+        context.enable(moderngl.DEPTH_TEST | moderngl.BLEND)
+        context.depth_func = "<" if lit else "=="
+        context.blend_func = moderngl.ONE, moderngl.ONE
+        for unit, texture in enumerate(self._buffer.textures):
             texture.use(unit)
         if drawn.lensmap is not None:
             self._lens_texture(drawn.lensmap).use(UNITS["lens"])
         if self.table.texture is not None:
             self.table.texture.use(UNITS["materials"])
         self._bind(chunk, maps)
-        for group in self.table.groups[:1] if lit else self.table.groups:
-            program = self._program(group, chunk, buffer, drawn, lit)
+        for number, group in enumerate(self.table.groups[:1] if lit else self.table.groups):
+            program = self._program(group, chunk, lit)
             put(
                 program,
                 world_from_eye=tuple(drawn.view.world_from_eye.T.ravel()),
-                pinhole=(*drawn.view.focal, *drawn.view.centre),
-                grid=drawn.grid,
-                jitter=tuple(drawn.jitter),
-                aperture=tuple(drawn.aperture),
-                rows=(0, len(self.table.materials)) if lit else (group.first, group.last),
-                weight=weight,
                 emitting=float(not chunk),
             )
             if not lit:
                 for i, (name, record) in enumerate(sorted(group.textures.items())):
                     bind(program, name, self.uploads, record, MAP_UNIT + i)
-            self._screen(program).render(moderngl.TRIANGLES, vertices=3)
+            self._draw(program, 0.0 if lit else _depth(number))
+        context.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+
+    def resolve(self, target: moderngl.Framebuffer, weight: float) -> None:
+        """Add the samples' sum over each pixel, times ``weight``, to ``target``, and start afresh."""
+        context, samples = self.context, self._samples
+        target.use()
+        context.disable(moderngl.DEPTH_TEST)
+        context.enable(moderngl.BLEND)
+        context.blend_func = moderngl.ONE, moderngl.ONE
+        samples.color.use(UNITS["samples"])
+        head = defines({"GRID": self._pass.grid})
+        program = self.programs.get([text("screen_vertex.glsl")], [head, text("resolve_fragment.glsl")])
+        put(program, samples=UNITS["samples"], weight=weight)
+        self._draw(program, 0.0)
         context.disable(moderngl.BLEND)
+        samples.framebuffer.use()
+        samples.framebuffer.clear(depth=0.0)  # the depth is masked, and stays
+
+    def read(self) -> np.ndarray:
+        """(H, W, 3) float32 radiance of the samples as they are."""
+        width, height = self._samples.color.size
+        data = self._samples.framebuffer.read(components=3, dtype="f4")
+        return np.frombuffer(data, np.float32).reshape(height, width, 3)
+
+    def _draw(self, program: moderngl.Program, depth: float) -> None:
+        drawn = self._pass
+        put(
+            program,
+            screen_depth=depth,
+            pinhole=(*drawn.view.focal, *drawn.view.centre),
+            jitter=tuple(drawn.jitter),
+            aperture=tuple(drawn.aperture),
+            grid=float(drawn.grid),
+        )
+        if program.glo not in self._arrays:
+            self._arrays[program.glo] = self.context.vertex_array(program, [])
+        self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
+
+    def _fitting(self, size: tuple[int, int]) -> "Samples":
+        if self._kept is None or self._kept.color.size != size:
+            if self._kept is not None:
+                self._kept.release()
+            color = self.context.texture(size, 4, dtype="f4")
+            color.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            depth = depth_texture(self.context, size)
+            self._kept = Samples(color, depth, self.context.framebuffer([color], depth))
+        return self._kept
+
+    def _groups_texture(self, depths: np.ndarray) -> moderngl.Texture:
+        if self._groups is None or self._groups.width != len(depths):
+            if self._groups is not None:
+                self._groups.release()
+            self._groups = self.context.texture((len(depths), 1), 1, dtype="f4")
+            self._groups.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._groups.write(depths.tobytes())
+        return self._groups
 
     def _bind(self, chunk: list[Lit], maps: list[moderngl.Texture]) -> None:
         if not chunk:
@@ -116,10 +223,9 @@ class LightingStage:
             if point.sample.light.profile is not None:
                 self.uploads.profile(point.sample.light.profile).texture.use(PROFILE_UNIT + i)
 
-    def _program(
-        self, group: Group, chunk: list[Lit], buffer: GBuffer, drawn: Pass, lit: bool
-    ) -> moderngl.Program:
-        signature = chunk[0].signature if chunk else ("NONE", False, False, 0)
+    def _program(self, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
+        buffer, drawn = self._buffer, self._pass
+        signature = chunk[0].signature if chunk else ("NONE", False, False, False, 0)
         uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
         key = (lit or group.key, signature, len(chunk), uv, telecentric, drawn.lensmap is not None)
         if key not in self._by_key:
@@ -129,26 +235,28 @@ class LightingStage:
     def _compose(
         self,
         group: Group,
-        signature: tuple[str, bool, bool, int],
+        signature: Signature,
         count: int,
         uv: bool,
         drawn: Pass,
         lit: bool,
     ) -> moderngl.Program:
-        mode, shaped, profiled, faces = signature
+        mode, shaped, focused, profiled, faces = signature
         fragment = bool(group.material and group.material.glsl)
         head = defines(
             {
                 f"MODE_{mode}": True,
                 "LIGHTS": count,
+                "ALL_LAMPS": " ".join(f"total += lamp({k}, x, values);" for k in range(count)),
                 "STRIDE": MAPS + 8 * faces,
                 "MAPS": MAPS,
                 "FACES": faces or None,
                 "SHAPED": shaped,
+                "FOCUSED": focused,
                 "PROFILED": profiled,
+                "ISOTROPIC": group.brdf.isotropic and not fragment,
                 "TELECENTRIC": drawn.view.telecentric,
                 "UV": uv,
-                "UV_OR_ZERO": "st" if uv else "vec2(0.0)",
                 "LENS": drawn.lensmap is not None,
                 "LIT": lit,
                 "FRAGMENT": fragment,
@@ -156,8 +264,6 @@ class LightingStage:
             }
         )
         declared = "uniform sampler2D materials;\n"
-        if drawn.lensmap is not None:
-            declared += "uniform vec2 aperture;\n"
         lights = ""
         if count:
             declared += "layout(std140) uniform Lights { vec4 lights[LIGHTS * STRIDE]; };\n"
@@ -168,7 +274,15 @@ class LightingStage:
         about = f"of material {group.material.where or group.material.name}" if group.material else ""
         program = self.programs.get(
             [text("screen_vertex.glsl")],
-            [head, text("common.glsl"), declared, model, lights, text("lighting_fragment.glsl")],
+            [
+                head,
+                text("common.glsl"),
+                text("locate.glsl"),
+                declared,
+                model,
+                lights,
+                text("lighting_fragment.glsl"),
+            ],
             about,
         )
         put(program, **UNITS)
@@ -177,11 +291,6 @@ class LightingStage:
         if profiled:
             put(program, profile=_units(PROFILE_UNIT, count))
         return program
-
-    def _screen(self, program: moderngl.Program) -> moderngl.VertexArray:
-        if program.glo not in self._arrays:
-            self._arrays[program.glo] = self.context.vertex_array(program, [])
-        return self._arrays[program.glo]
 
     def _lens_texture(self, lensmap: Lensmap) -> moderngl.Texture:
         if self._lens is None or self._lens[0] is not lensmap:
@@ -200,6 +309,15 @@ class LightingStage:
         self._records.release()
         if self._lens is not None:
             self._lens[1].release()
+        if self._kept is not None:
+            self._kept.release()
+        if self._groups is not None:
+            self._groups.release()
+
+
+def _depth(number: int) -> float:
+    """By which the samples of material group ``number`` are told apart: exact in 32 bits."""
+    return (number + 1) / 65536
 
 
 def _units(first: int, count: int) -> object:

@@ -39,7 +39,7 @@ class Programs:
         self._compiled: dict[tuple[str, str], moderngl.Program] = {}
 
     def get(self, vertex: Sequence[str], fragment: Sequence[str], about: str = "") -> moderngl.Program:
-        """The program of these sources. BrightfieldError with the compiler's words; ``about`` names the text's owner."""
+        """The program of these sources. BrightfieldError with the compiler's words; ``about``: whose text."""
         key = ("\n".join(vertex), "\n".join(fragment))
         if key not in self._compiled:
             try:

@@ -50,9 +50,11 @@ class Visible:
 @dataclass(frozen=True)
 class Frustum:
     """``clip_from_world`` (4, 4) of one map along ``axis`` (3,); ``tangent``: half its width at unit distance
-    (parallel light: m)."""
+    (parallel light: m). ``slopes`` (3, 4): how a receiver's
+    plane lies in it, see shaders/lights.glsl (per unit of clip space)."""
 
     clip_from_world: np.ndarray
+    slopes: np.ndarray
     axis: np.ndarray
     tangent: float
 
@@ -94,7 +96,9 @@ def place_frustum(
     p = p @ full[:, :3].T + full[:, 3]
     ndc = p[:, :2] / p[:, 3:]
     zoom, size = _tile(ndc.min(axis=0), ndc.max(axis=0))
-    return Frustum(zoom @ full, rotation[2], tangent * size)
+    slopes = np.zeros((3, 4))
+    slopes[:2, :3], slopes[2, :3] = rotation[:2] * tangent * size, place
+    return Frustum(zoom @ full, slopes, rotation[2], tangent * size)
 
 
 def parallel_frustum(direction: np.ndarray, visible: Visible) -> Frustum | None:
@@ -111,7 +115,10 @@ def parallel_frustum(direction: np.ndarray, visible: Visible) -> Frustum | None:
     full[2, :3], full[2, 3] = -rotation[2] / (high - low), high / (high - low)
     p = np.concatenate(visible.seen) @ full[:2, :3].T + full[:2, 3]
     zoom, size = _tile(np.clip(p.min(axis=0), -1, 1), np.clip(p.max(axis=0), -1, 1))
-    return Frustum(zoom @ full, direction, half * size)
+    slopes = np.zeros((3, 4))
+    slopes[:2, :3], slopes[2, :3] = rotation[:2] * half * size / (high - low), rotation[2]
+    slopes[2, 3] = 1 / (high - low)
+    return Frustum(zoom @ full, slopes, direction, half * size)
 
 
 def _tile(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:

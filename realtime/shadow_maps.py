@@ -79,13 +79,14 @@ class ShadowMaps:
         record = np.zeros((MAPS + 8 * len(frusta), 4))
         record[:MAPS] = sample.record
         tangent = max((f.tangent for f in frusta if f is not None), default=0.0)
-        record[SHADOW, :3] = (side if tangent else 0), 2 * tangent / side, OFFSET * extent
+        record[SHADOW] = side, 1 / side, 2 * tangent / side, OFFSET * extent
         for i, frustum in enumerate(frusta):
             if frustum is not None:
                 record[REFERENCE, :3] = frustum.axis
                 m = MAPS + 8 * i
                 record[m : m + 4] = frustum.clip_from_world
-                record[m + 4 : m + 8] = np.linalg.inv(frustum.clip_from_world).T
+                record[m + 4 : m + 7] = frustum.slopes
+                record[m + 4 : m + 6] *= 2 / side
         return record.astype(np.float32)
 
     def draw(self, frusta: list[Frustum | None], side: int, sample: Sample, index: int) -> moderngl.Texture:
@@ -127,6 +128,7 @@ class ShadowMaps:
             program = depth_program(self.programs, group, self.uploads, index)
             put(program, clip_from_world=tuple(frustum.clip_from_world.T.ravel()))
             group.render(context, program)
+        context.disable(moderngl.CULL_FACE)
 
     def _take(self, size: tuple[int, int]) -> _Map:
         self._bytes += 4 * size[0] * size[1]

@@ -38,7 +38,15 @@ class View:
             m[:2, 3], m[2, 2], m[2, 3], m[3, 3] = shift, -1 / (f - n), f / (f - n), 1
         else:
             m[:2, 2], m[2, 2], m[2, 3], m[3, 2] = shift, -n / (f - n), n * f / (f - n), 1
-        return m @ np.linalg.inv(self.world_from_eye)
+        return m @ self.eye_from_world
+
+    @property
+    def eye_from_world(self) -> np.ndarray:
+        """(4, 4); the pose is rigid."""
+        R, t = self.world_from_eye[:3, :3], self.world_from_eye[:3, 3]
+        inverse = np.eye(4)
+        inverse[:3, :3], inverse[:3, 3] = R.T, -R.T @ t
+        return inverse
 
     def rays(self, window: np.ndarray) -> np.ndarray:
         """d (..., 2) of window positions (..., 2)."""

@@ -46,7 +46,8 @@ class Pyrender:
         width, height = camera.sensor.resolution
         near, far = _depths(scene, camera)
         drawn = library.Scene(bg_color=np.zeros(4), ambient_light=np.full(3, 0.02))
-        nodes, materials = [], {}
+        nodes: list[Any] = []
+        materials: dict[int, Any] = {}
         for body in scene.bodies:
             material = materials.setdefault(id(body.material), _preview(library, body.material))
             primitive = library.Primitive(

@@ -16,6 +16,21 @@ vec3 from_octahedral(vec2 p)
     return normalize(n);
 }
 
+// A direction of the plane as one number in [-2, 2], without an angle's trigonometry.
+float diamond(vec2 v)
+{
+    float p = v.x / (abs(v.x) + abs(v.y));
+    return v.y < 0.0 ? p - 1.0 : 1.0 - p;
+}
+
+vec2 from_diamond(float p)
+{
+    float s = p < 0.0 ? -1.0 : 1.0;
+    vec2 v = vec2(p < 0.0 ? p + 1.0 : 1.0 - p, 0.0);
+    v.y = s * (1.0 - abs(v.x));
+    return normalize(v);
+}
+
 void basis(vec3 n, out vec3 b1, out vec3 b2)
 {
     // Duff et al.: Building an orthonormal basis, revisited. 2017.

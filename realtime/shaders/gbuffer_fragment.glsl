@@ -10,7 +10,7 @@ uniform vec4 pinhole;  // focal, centre
 uniform int sample_index;
 
 layout(location = 0) out vec4 plane;   // 1/Z (Z if telecentric), its slopes along the window, body
-layout(location = 1) out vec4 frame;   // octahedral normal, the tangent's angle, material row
+layout(location = 1) out vec4 frame;   // octahedral normal, the tangent's direction, material row
 #ifdef UV
 layout(location = 2) out vec4 coordinates;  // u, v
 #ifdef SLOPES
@@ -62,7 +62,7 @@ void main()
     vec3 b1, b2;
     basis(from_octahedral(code), b1, b2);
     plane = vec4(q, slope, id.x);
-    frame = vec4(code, atan(dot(t.xyz, b2), dot(t.xyz, b1)), id.y);
+    frame = vec4(code, diamond(vec2(dot(t.xyz, b1), dot(t.xyz, b2))), id.y);
 #ifdef UV
     coordinates = vec4(st, 0.0, 0.0);
 #ifdef SLOPES

@@ -76,16 +76,29 @@ Arrival arrival(int k, vec3 p)
 #endif
 
 #ifdef SHAPED
+float angle_of(float cosine)
+{
+    // Abramowitz, Stegun: Handbook of mathematical functions. 4.4.46, to 2e-8.
+    float x = min(abs(cosine), 1.0);
+    float p = 1.5707963050 + x * (-0.2145988016 + x * (0.0889789874 + x * (-0.0501743046
+        + x * (0.0308918810 + x * (-0.0170881256 + x * (0.0066700901 - x * 0.0012624911))))));
+    p *= sqrt(1.0 - x);
+    return cosine < 0.0 ? 3.14159265359 - p : p;
+}
+
 // interchange.light.Light.shaping; l points to the lamp.
 vec3 shaping(int k, vec3 l)
 {
     vec3 d = -vec3(dot(RECORD(k, 2).xyz, l), dot(RECORD(k, 3).xyz, l), dot(RECORD(k, 4).xyz, l));
-    float theta = atan(length(d.xy), -d.z);
+    float theta = angle_of(-d.z);
     float start = RECORD(k, 5).x, end = RECORD(k, 5).y;
     float t = clamp((theta - start) / max(end - start, 1e-12), 0.0, 1.0);
     float cone = end > start ? 1.0 - t * t * (3.0 - 2.0 * t) : (theta <= end ? 1.0 : 0.0);
-    float share = RECORD(k, 5).z == 0.0 ? 1.0 : pow(abs(d.z), RECORD(k, 5).z);
-    vec3 factor = cone * (share + (1.0 - share) * RECORD(k, 6).xyz);
+    vec3 factor = vec3(cone);
+#ifdef FOCUSED
+    float share = pow(abs(d.z), RECORD(k, 5).z);
+    factor *= share + (1.0 - share) * RECORD(k, 6).xyz;
+#endif
 #ifdef PROFILED
     float scale = RECORD(k, 5).w;
     float angle = scale > 0.0 ? theta / scale : scale < 0.0 ? (theta - 3.14159265359) / -scale + 3.14159265359 : theta;
@@ -98,6 +111,7 @@ vec3 shaping(int k, vec3 l)
 #ifdef FACES
 // The share of the four nearest texels that see p: each compares with the receiver's own plane at its centre,
 // so that a facet never shades itself and no depth offset parts a shadow from what casts it.
+// A map's rows: clip x, y, depth, w; right and up, scaled to a texel's slope; the lamp's place, or light's direction.
 float seen(int k, vec3 p, vec3 facet)
 {
 #if FACES == 6
@@ -109,23 +123,35 @@ float seen(int k, vec3 p, vec3 facet)
     const vec2 tile = vec2(0.0);
 #endif
     int m = MAPS + 8 * face;
-    vec4 setting = RECORD(k, 7);  // texels a side, world size of a texel (at unit depth), smallest offset
-    if (setting.x == 0.0) return 1.0;
-    float depth = dot(RECORD(k, m + 3), vec4(p, 1.0));
-    p += facet * (0.2 * setting.y * abs(depth) + setting.z);
+    vec4 setting = RECORD(k, 7);  // texels a side, their inverse, world size of a texel (at unit depth), least offset
     vec4 q = vec4(p, 1.0);
-    depth = dot(RECORD(k, m + 3), q);
-    vec3 c = vec3(dot(RECORD(k, m), q), dot(RECORD(k, m + 1), q), dot(RECORD(k, m + 2), q)) / depth;
-    vec4 plane = vec4(facet, -dot(facet, p));
-    float across = dot(RECORD(k, m + 6), plane);
-    vec2 slope = -vec2(dot(RECORD(k, m + 4), plane), dot(RECORD(k, m + 5), plane)) / across;
-    vec2 at = (c.xy * 0.5 + 0.5) * setting.x - 0.5, base = floor(at), f = at - base;
-    if (depth <= 0.0 || any(lessThan(base, vec2(0.0))) || any(greaterThanEqual(base + 1.0, vec2(setting.x)))) return 1.0;
-    slope *= 2.0 / setting.x;
-    float here = c.z - dot(slope, f);
-    vec4 receiver = vec4(here + slope.y, here + slope.x + slope.y, here + slope.x, here);
-    vec4 caster = textureGather(shadow_map[k], (base + 1.0 + tile * setting.x) / vec2(textureSize(shadow_map[k], 0)));
-    vec4 free = vec4(lessThanEqual(caster, receiver));
-    return mix(mix(free.w, free.z, f.x), mix(free.x, free.y, f.x), f.y);
+    vec2 c = vec2(dot(RECORD(k, m), q), dot(RECORD(k, m + 1), q));
+    vec2 slope = vec2(dot(RECORD(k, m + 4).xyz, facet), dot(RECORD(k, m + 5).xyz, facet));
+#ifdef MODE_DIRECTION
+    float height = -dot(RECORD(k, m + 6).xyz, facet);
+    float depth = dot(RECORD(k, m + 2), q) + (0.2 * setting.z + setting.w) * RECORD(k, m + 6).w / height;
+    slope /= height;
+    bool outside = false;
+#else
+    float w = dot(RECORD(k, m + 3), q);
+    float height = dot(RECORD(k, m + 6).xyz - p, facet);
+    float near = RECORD(k, m + 2).w / max(height - 0.2 * setting.z * w - setting.w, 0.1 * height);
+    float depth = near * height / w;
+    slope *= near;
+    c /= w;
+    bool outside = w <= 0.0;
+#endif
+    vec2 at = (c * 0.5 + 0.5) * setting.x - 0.5, base = floor(at), f = at - base;
+    outside = outside || min(base.x, base.y) < 0.0 || max(base.x, base.y) + 1.0 >= setting.x;
+    float here = depth + dot(slope, f);
+    vec4 receiver = vec4(here - slope.y, here - slope.x - slope.y, here - slope.x, here);
+#if FACES == 6
+    vec2 uv = (base + 1.0 + tile * setting.x) * setting.y * vec2(1.0 / 3.0, 0.5);
+#else
+    vec2 uv = (base + 1.0) * setting.y;
+#endif
+    vec4 caster = textureGather(shadow_map[k], uv);
+    vec4 open = vec4(lessThanEqual(caster, receiver));
+    return outside ? 1.0 : mix(mix(open.w, open.z, f.x), mix(open.x, open.y, f.x), f.y);
 }
 #endif

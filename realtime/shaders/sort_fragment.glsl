@@ -1,0 +1,16 @@
+// Which material group each sample belongs to, as a depth, so that a group's program runs on its own samples only.
+uniform sampler2D g_plane;
+uniform sampler2D g_frame;
+uniform sampler2D groups;  // by material row: the group's depth
+
+layout(location = 0) out vec4 radiance;
+
+void main()
+{
+    Sample s = locate();
+    if (s.texel.x < 0) discard;
+    float body = texelFetch(g_plane, s.texel, 0).w;
+    if (body < 0.0) discard;
+    radiance = vec4(0.0);
+    gl_FragDepth = texelFetch(groups, ivec2(int(texelFetch(g_frame, s.texel, 0).w), 0), 0).x;
+}
