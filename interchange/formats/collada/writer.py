@@ -161,10 +161,13 @@ class _Walk:
         return True
 
     def _below(self, prim: Usd.Prim, parent: Any) -> None:
-        for child in prim.GetFilteredChildren(PREDICATE):
-            self._prim(child, parent)
+        children = prim.GetFilteredChildren(PREDICATE)
+        # meshes, lamps and cameras without a pose stand in the node of their group
+        inline = parent.tag == "node" and prim.GetTypeName() in PLAIN and all(map(_is_bare, children))
+        for child in children:
+            self._prim(child, parent, inline)
 
-    def _prim(self, prim: Usd.Prim, parent: Any) -> None:
+    def _prim(self, prim: Usd.Prim, parent: Any, inline: bool = False) -> None:
         if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdGeom.Subset):
             return
         if prim.GetTypeName() and not prim.IsA(UsdGeom.Imageable):
@@ -180,10 +183,8 @@ class _Walk:
         if prim.GetTypeName() in PLAIN and materials_only and self._is_plain(prim):
             return
         here = prim.GetTypeName() in PLAIN
-        bare = not here and not _has_ops(prim) and all(c.IsA(UsdGeom.Subset) for c in children)
-        first = parent.tag == "node" and parent.find("node") is None  # nodes stand after instances
-        if bare and first and prim.GetParent().GetTypeName() in PLAIN:
-            self._instance(prim, parent)  # a mesh, lamp or camera without a pose stands in its parent's node
+        if inline:
+            self._instance(prim, parent)
             return
         node = add(parent, "node", id=self.out.new_id(prim.GetName()))
         if prim.IsA(UsdGeom.Xformable):
@@ -289,6 +290,16 @@ class _Walk:
 
 def _has_ops(prim: Usd.Prim) -> bool:
     return bool(prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).GetXformOpOrderAttr().Get())
+
+
+def _is_bare(prim: Usd.Prim) -> bool:
+    """Whether it is a mesh, lamp or camera without a pose of its own and with no more than parts below it."""
+    kind = prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)
+    return (
+        kind
+        and not _has_ops(prim)
+        and all(c.IsA(UsdGeom.Subset) for c in prim.GetFilteredChildren(PREDICATE))
+    )
 
 
 def _reorder(node: Any) -> None:
