@@ -86,7 +86,8 @@ def freeze(model: Any) -> None:
         if value.shape != shape:
             wrong.append(f"{label} must have shape {shape}; got {value.shape}.")
             continue
-        outside = value[~((value >= about.low) & (value <= about.high))]  # written so that NaN is outside
+        low, high = min(about.low, np.float32(about.low)), max(about.high, np.float32(about.high))  # as files hold it
+        outside = value[~((value >= low) & (value <= high))]  # written so that NaN is outside
         if outside.size:
             wrong.append(
                 f"{label} must lie in [{about.low:g}, {about.high:g}]{unit}; got {outside.flat[0]:g}{unit}."

@@ -152,3 +152,7 @@ def test_not_a_number_is_outside_every_bound():
 
 def test_catalogue_is_found_by_folder():
     assert {"Lambert", "Phong", "BlinnPhong", "Lafortune", "UsdPreviewSurface"} <= set(BY_NAME)
+
+
+def test_a_bound_that_a_file_rounded_to_single_precision_is_still_inside():
+    assert Phong(n=float(np.float32(0.01))).n < 0.01
