@@ -11,6 +11,7 @@ from interchange.frames import camera_from_gl
 from offline.blender_matrix import matrix
 from offline.blender_shader import compiled
 from offline.shading import library
+from offline.wide import is_native
 
 SENSOR_WIDTH = 36.0  # mm; only its ratio to the focal length matters
 
@@ -30,14 +31,18 @@ class BlenderCamera:
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         self.object.matrix_world = matrix(camera.world_from_camera @ camera_from_gl)
         K, lens = camera.K, camera.lens
-        aperture = lens.focal_length / lens.f_stop / 2 if lens.f_stop > 0 and lens.focus_distance > 0 else 0.0
-        if not defocus or lens.projection is not Projection.PERSPECTIVE:
-            aperture = 0.0
-        square = abs(K[0, 0] / K[1, 1] - 1) < 1e-7
-        if square and not any(lens.distortion) and aperture == 0:
+        if is_native(camera):
             self._native(camera, K, width, height)
+            open_lens = (
+                lens.f_stop > 0 and lens.focus_distance > 0 and lens.projection is Projection.PERSPECTIVE
+            )
+            self.data.dof.use_dof = defocus and open_lens
+            if self.data.dof.use_dof:
+                self.data.dof.focus_distance = lens.focus_distance
+                # the same opening, f / 2N, for the stand-in focal length that Blender is told
+                self.data.dof.aperture_fstop = lens.f_stop * self.data.lens * 1e-3 / lens.focal_length
         else:
-            self._script(camera, K, width, height, aperture)
+            self._script(camera, K, width, height)
 
     def _native(self, camera: Camera, K: np.ndarray, width: int, height: int) -> None:
         data = self.data
@@ -53,7 +58,8 @@ class BlenderCamera:
         data.shift_x = ((width - 1) / 2 - K[0, 2]) / width
         data.shift_y = (K[1, 2] - (height - 1) / 2) / width
 
-    def _script(self, camera: Camera, K: np.ndarray, width: int, height: int, aperture: float) -> None:
+    def _script(self, camera: Camera, K: np.ndarray, width: int, height: int) -> None:
+        """For passes without shadow rays alone: see ``offline.wide``."""
         data, lens = self.data, camera.lens
         if data.type != "CUSTOM":
             data.type = "CUSTOM"
@@ -67,7 +73,6 @@ class BlenderCamera:
             "width": width, "height": height, "fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2],
             **dict(zip(names, lens.distortion, strict=True)),
             "orthographic": lens.projection is Projection.ORTHOGRAPHIC, "near": camera.clip[0],
-            "aperture": aperture, "focus": lens.focus_distance or 1.0,
         }  # fmt: skip
         for name, value in values.items():
             data.cycles_custom[name] = float(value)

@@ -19,7 +19,9 @@ from offline import blender_render as blender
 from offline.blender_stage import Stage
 from offline.protocol import Job
 
-NO_LAMP = -2
+ALL_LAMPS, NO_LAMP = -1, -2
+RADIANCE, TRUTH, LIT, INDIRECT, DIRECT = range(5)  # modes of osl/surface.osl
+EDGE_SAMPLES = 16  # of direct light alone, which is noisy at edges and under large lamps only
 
 
 def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -45,30 +47,37 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
         return found
 
     def radiance(only: int) -> tuple[np.ndarray, np.ndarray]:
-        found = run(0, only, settings.samples, settings.noise, bool(settings.denoise))
+        found = run(RADIANCE, only, settings.samples, settings.noise, bool(settings.denoise))
         return found["Combined"], found["Emission"]
 
-    if job.per_light:
+    def by_lamp(k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Direct light has little noise, so it takes fewer samples than reflected light."""
+        direct = run(DIRECT, k, max(min(settings.samples, EDGE_SAMPLES), settings.samples // 4))["Combined"]
+        if settings.max_bounces == 0:
+            return direct, direct
+        found = run(INDIRECT, k, settings.samples, settings.noise, bool(settings.denoise))
+        return direct + found["Combined"], direct
+
+    if job.centres_only:
+        pass
+    elif job.per_light:
+        size = job.camera.sensor.resolution[::-1]
         glows = any(any(b.material.emission) or b.material.emission_map for b in job.scene.bodies)
-        parts = [radiance(k) for k in range(len(lights))]
-        arrays["light"] = (
-            np.stack([p for p, _ in parts])
-            if parts
-            else np.zeros((0, *job.camera.sensor.resolution[::-1], 3))
-        )
+        parts = [by_lamp(k) for k in range(len(lights))]
+        arrays["light"] = np.stack([p for p, _ in parts]) if parts else np.zeros((0, *size, 3))
         if glows or not parts:
             parts.append(radiance(NO_LAMP))
         arrays["pixels"] = np.sum([p for p, _ in parts], axis=0)
         arrays["direct"] = np.sum([d for _, d in parts], axis=0)
     else:
-        arrays["pixels"], arrays["direct"] = radiance(-1)
+        arrays["pixels"], arrays["direct"] = radiance(ALL_LAMPS)
     if job.truth or job.lit:
         stage.camera.update(job.camera, defocus=False)
     if job.truth:
-        found = run(1, -1, 1)
+        found = run(TRUTH, ALL_LAMPS, 1)
         arrays["truth"], arrays["position"] = found["Combined"], found["Position"]
     if job.lit:
-        shares = [run(2, k, 1)["Combined"] for k in range(0, len(lights), 3)]
+        shares = [run(LIT, k, 1)["Combined"] for k in range(0, len(lights), 3)]
         arrays["lit"] = np.concatenate([*shares, np.zeros((*job.camera.sensor.resolution[::-1], 0))], axis=-1)
         arrays["lit"] = arrays["lit"][..., : len(lights)]
     return arrays, {"render": spent, "total": time.perf_counter() - began}

@@ -25,7 +25,8 @@ HEAVY = (Mesh, Texture, Profile)
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One frame. ``truth``: also what stands at the pixel centres; ``lit``: also the lamps' visible shares."""
+    """One frame. ``truth``: also what stands at the pixel centres (``centres_only``: nothing else); ``lit``: also the
+    lamps' visible shares."""
 
     scene: Scene
     camera: Camera
@@ -33,6 +34,7 @@ class Job:
     truth: bool = False
     lit: bool = False
     per_light: bool = False
+    centres_only: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from offline.passes import assemble
 from offline.process import Worker, WorkerDied
 from offline.protocol import Job, Reply
 from offline.settings import CyclesSettings
+from offline.wide import gather, is_native, oversampling, pick, wide_camera
 
 TRUTH = {"depth", "position", "normal", "object_id", "material_id", "motion"}
 
@@ -77,10 +78,7 @@ class Cycles:
             replace(scene, cameras=(), source=scene.source), camera, settings,
             truth=bool(TRUTH & set(asked)), lit="lit" in asked, per_light=per_light,
         )  # fmt: skip
-        reply = self._ask(job)
-        arrays = {name: np.load(path) for name, path in reply.arrays.items()}
-        for path in reply.arrays.values():
-            Path(path).unlink()
+        arrays, reply = self._arrays(job) if is_native(camera) else self._through_lens(job)
         image_passes = assemble(arrays, scene, camera, asked, per_light, next_scene)
         made_by: dict[str, Any] = {
             "renderer": self.name,
@@ -102,6 +100,37 @@ class Cycles:
             object_names=scene.object_names,
             material_names=scene.material_names,
         )
+
+    def _arrays(self, job: Job) -> tuple[dict[str, np.ndarray], Reply]:
+        reply = self._ask(job)
+        arrays = {name: np.load(path) for name, path in reply.arrays.items()}
+        for path in reply.arrays.values():
+            Path(path).unlink()
+        return arrays, reply
+
+    def _through_lens(self, job: Job) -> tuple[dict[str, np.ndarray], Reply]:
+        """What needs shadow rays by a wide pinhole image (``offline.wide``); what stands at pixel centres exactly."""
+        fine = oversampling(job.settings.samples)
+        wide = wide_camera(job.camera, fine)
+        spread = replace(job.settings, samples=max(1, round(job.settings.samples / fine**2)))
+        arrays, reply = self._arrays(replace(job, camera=wide, settings=spread, truth=False))
+        lit = arrays.pop("lit", None)
+        lamps = arrays.pop("light", None)
+        planes = {**arrays, **{f"light {k}": plane for k, plane in enumerate(() if lamps is None else lamps)}}
+        gathered = gather(planes, wide, job.camera)
+        result = {name: gathered[name] for name in arrays}
+        if lamps is not None:
+            size = job.camera.sensor.resolution[::-1]
+            each = [gathered[f"light {k}"] for k in range(len(lamps))]
+            result["light"] = np.stack(each) if each else np.zeros((0, *size, 3), np.float32)
+        if lit is not None:
+            result["lit"] = pick(lit, wide, job.camera)
+        if job.truth:
+            dark = replace(
+                job, scene=replace(job.scene, lights=()), lit=False, per_light=False, centres_only=True
+            )
+            result.update(self._arrays(dark)[0])
+        return result, reply
 
     def _ask(self, job: Job) -> Reply:
         causes: list[str] = []
