@@ -24,6 +24,7 @@ from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
+from realtime.renderers.pyrender import offscreen
 from realtime.renderers.rasterizer import Rasterizer
 
 LAMPS = ((2.0, -2.0, 3.0), (-2.0, -1.0, 2.5), (0.0, 3.0, 2.0))
@@ -105,7 +106,7 @@ def pyrender_frames(still: Scene, resolution: tuple[int, int], frames: int, shad
     node = drawn.add(
         pyrender.IntrinsicsCamera(K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, znear=0.1, zfar=20.0)
     )
-    renderer = pyrender.OffscreenRenderer(*resolution)
+    renderer = offscreen(*resolution)
     flags = pyrender.RenderFlags.SHADOWS_SPOT if shadows else pyrender.RenderFlags.NONE
 
     def draw(step: int) -> object:

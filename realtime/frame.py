@@ -48,9 +48,10 @@ class Frame:
         spots = (
             sampling.shuffled(sampling.disk(plan.passes), 0) if self.blurred else np.zeros((plan.passes, 2))
         )
+        shifts = sampling.shuffled(sampling.square(plan.passes), 1) - 0.5
         weight = 1.0 / (plan.passes * plan.grid**2)
         for k in range(plan.passes):
-            drawn = self._pass(plan.grid, jitters[k], spots[k])
+            drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k])
             buffer = self._gbuffer(drawn, k)
             self.stages.lighting.begin(buffer, drawn)
             if self.stages.table.emits:
@@ -124,10 +125,10 @@ class Frame:
         maps = [self.stages.shadows.draw(p.frusta, self.side, p.sample, index) for p in chunk if p.frusta]
         self.stages.lighting.add(chunk, maps, lit)
 
-    def _pass(self, grid: int, jitter: np.ndarray, spot: np.ndarray) -> Pass:
+    def _pass(self, grid: int, jitter: np.ndarray, spot: np.ndarray, shift: np.ndarray = MIDDLE) -> Pass:
         lens = self.camera.lens
         bounds = self.stages.bodies.bounds
-        seen = view(self.camera, self.origin, bounds, grid, jitter, spot, self.lensmap)
+        seen = view(self.camera, self.origin, bounds, grid, jitter, spot, self.lensmap, shift)
         aperture = (
             spot * lens.focal_length / (2 * lens.f_stop * lens.focus_distance) if self.blurred else MIDDLE
         )

@@ -271,7 +271,7 @@ class LightingStage:
             declared += "uniform sampler2D profile[LIGHTS];\n" + text("profile.glsl") if profiled else ""
             lights = text("lights.glsl")
         model = "" if lit else materials.source(group)
-        about = f"of material {group.material.where or group.material.name}" if group.material else ""
+        about = f"of material {str(group.material.where) or group.material.name}" if group.material else ""
         program = self.programs.get(
             [text("screen_vertex.glsl")],
             [

@@ -43,7 +43,8 @@ class Group:
         if own is None:
             return shader.structure(self.brdf)
         maps = tuple((name, t.pixels.shape[2]) for name, t in sorted(own.maps.items()))
-        return (*shader.structure(self.brdf), maps, own.emission_map is not None, own.glsl)
+        glow = own.emission_map.pixels.shape[2] if own.emission_map is not None else 0
+        return (*shader.structure(self.brdf), maps, glow, own.glsl)
 
 
 class MaterialTable:
@@ -125,13 +126,13 @@ def check(material: Material) -> None:
         if name not in slots:
             raise BrightfieldError(
                 f"A texture must replace a parameter of {model} ({', '.join(slots)}); got {name}. "
-                f"({material.where or material.name})"
+                f"({str(material.where) or material.name})"
             )
         channels = texture.pixels.shape[2]
         if channels not in (1, 3) or (channels == 3 and len(slots[name]) % 3):
             raise BrightfieldError(
                 f"The texture of {model}.{name} must have 1 channel{' or 3' if len(slots[name]) % 3 == 0 else ''}; "
-                f"got {channels}. ({material.where or material.name})"
+                f"got {channels}. ({str(material.where) or material.name})"
             )
 
 

@@ -61,9 +61,10 @@ def view(
     jitter: np.ndarray,
     aperture: np.ndarray,
     lensmap: Lensmap | None,
+    shift: np.ndarray,
 ) -> View:
     """The view of one pass: ``grid``² texels a pixel, moved by ``jitter`` px, from the spot ``aperture`` of the lens
-    (both (2,); the aperture's unit disk)."""
+    (both (2,); the aperture's unit disk). ``shift``: of a distorting lens's wide view, texels."""
     telecentric = camera.lens.projection is Projection.ORTHOGRAPHIC
     K = camera.K
     if lensmap is None:
@@ -74,13 +75,13 @@ def view(
     else:
         finer = max(1, grid // 2)  # the wide view has two texels a pixel as it is
         focal, size = lensmap.focal * finer, (lensmap.size[0] * finer, lensmap.size[1] * finer)
-        centre = lensmap.centre * finer + jitter  # so that no texel edge stays at one place
+        centre = lensmap.centre * finer + shift  # so that no texel edge stays at one place
     pose = camera.world_from_camera.copy()
     pose[:3, 3] -= origin
     if has_depth_of_field(camera):
-        shift = aperture * camera.lens.focal_length / (2 * camera.lens.f_stop)
-        pose[:3, 3] += pose[:3, :2] @ shift
-        centre = centre + focal * shift / camera.lens.focus_distance
+        moved = aperture * camera.lens.focal_length / (2 * camera.lens.f_stop)
+        pose[:3, 3] += pose[:3, :2] @ moved
+        centre = centre + focal * moved / camera.lens.focus_distance
     near, far = camera.clip
     if telecentric:  # linear depth: no wider than what there is to see
         corners = np.stack(np.meshgrid(*(bounds - origin).T, indexing="ij"), -1).reshape(-1, 3)
@@ -98,6 +99,6 @@ def has_depth_of_field(camera: Camera) -> bool:
     if camera.lens.projection is Projection.ORTHOGRAPHIC:
         raise BrightfieldError(
             f"A telecentric lens must have f_stop 0 in the rasteriser, which draws no blur for it; got "
-            f"{camera.lens.f_stop:g}. ({camera.where or camera.name})"
+            f"{camera.lens.f_stop:g}. ({str(camera.where) or camera.name})"
         )
     return True

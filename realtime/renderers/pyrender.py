@@ -5,6 +5,7 @@ Matl et al.: pyrender 0.1.45, https://github.com/mmatl/pyrender.
 """
 
 import os
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -21,6 +22,25 @@ from interchange.scene import Scene
 GIVES = ("depth", "object_id")
 
 
+def offscreen(width: int, height: int) -> Any:
+    """pyrender's OffscreenRenderer, which leaves other contexts alive when it goes: its own way out ends the EGL
+    display for the whole process."""
+    import pyrender
+
+    renderer = pyrender.OffscreenRenderer(width, height)
+    renderer._platform.delete_context = partial(_destroy_context, renderer._platform)
+    return renderer
+
+
+def _destroy_context(platform: Any) -> None:
+    from OpenGL import EGL
+
+    if platform._egl_context is not None:
+        EGL.eglMakeCurrent(platform._egl_display, EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, EGL.EGL_NO_CONTEXT)
+        EGL.eglDestroyContext(platform._egl_display, platform._egl_context)
+        platform._egl_context = None
+
+
 class Pyrender:
     """Draws through EGL without a window. BrightfieldError where that cannot be started."""
 
@@ -30,7 +50,7 @@ class Pyrender:
             import pyrender
 
             self._library: Any = pyrender
-            self._renderer: Any = pyrender.OffscreenRenderer(16, 16)
+            self._renderer: Any = offscreen(16, 16)
         except Exception as error:  # PyOpenGL raises errors of its own, and bare ones
             raise BrightfieldError(
                 f"pyrender needs OpenGL through EGL, and none could be started ({error}). "
@@ -103,13 +123,17 @@ class Pyrender:
 def _camera(library: Any, camera: Camera, near: float, far: float) -> Any:
     (width, height), K = camera.sensor.resolution, camera.K
     if any(camera.lens.distortion):
-        raise BrightfieldError(f"pyrender draws no lens distortion. ({camera.where or camera.name})")
+        raise BrightfieldError(f"pyrender draws no lens distortion. ({str(camera.where) or camera.name})")
     if camera.lens.projection is Projection.PERSPECTIVE:
         edge = K[:2, 2] + 0.5  # pyrender counts from the image's corner
         return library.IntrinsicsCamera(K[0, 0], K[1, 1], edge[0], edge[1], znear=near, zfar=far)
     if not np.allclose(K[:2, 2], [(width - 1) / 2, (height - 1) / 2]):
         raise BrightfieldError(
-            f"pyrender draws telecentric cameras on their axis only. ({camera.where or camera.name})"
+            f"pyrender draws telecentric cameras on their axis only. ({str(camera.where) or camera.name})"
+        )
+    if K[0, 0] != K[1, 1]:
+        raise BrightfieldError(
+            f"pyrender draws telecentric cameras with square pixels only. ({str(camera.where) or camera.name})"
         )
     return library.OrthographicCamera(width / K[0, 0] / 2, height / K[1, 1] / 2, znear=near, zfar=far)
 

@@ -68,7 +68,7 @@ class Rasterizer:
         if samples == 1 and has_depth_of_field(camera):
             raise BrightfieldError(
                 f"A thin lens (f_stop {camera.lens.f_stop:g}) needs more than 1 sample a pixel; take more, or "
-                f"f_stop 0 for an image that is sharp everywhere. ({camera.where or camera.name})"
+                f"f_stop 0 for an image that is sharp everywhere. ({str(camera.where) or camera.name})"
             )
         with reversed_depth(self.context):
             stages = self._stages

@@ -62,10 +62,16 @@ float chance(uvec3 place, int index)
     return fract(float(v.x >> 8u) / 16777216.0 + float(index) * 0.6180339887);
 }
 
+int modulo(int i, int n)
+{
+    int r = i - n * int(floor(float(i) / float(n)));  // % is undefined below zero
+    return r < 0 ? r + n : r >= n ? r - n : r;
+}
+
 int wrapped(int i, int n, int mode)
 {
-    if (mode == 2) return ((i % n) + n) % n;                                      // repeat
-    if (mode == 3) { int m = ((i % (2 * n)) + 2 * n) % (2 * n); return m < n ? m : 2 * n - 1 - m; }  // mirror
+    if (mode == 2) return modulo(i, n);  // repeat
+    if (mode == 3) { int m = modulo(i, 2 * n); return m < n ? m : 2 * n - 1 - m; }  // mirror
     return clamp(i, 0, n - 1);                                                    // clamp; black is masked
 }
 

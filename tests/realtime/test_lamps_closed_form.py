@@ -11,7 +11,7 @@ from interchange.material import Material, Texture, Wrap, evaluate_texture
 from interchange.scene import Body, Scene
 
 RHO = np.array([0.2, 0.5, 0.8])
-I = np.array([1.0, 2.0, 3.0])
+POWER = np.array([1.0, 2.0, 3.0])
 EXACT = 2e-5  # float32 through a dozen operations
 SPREAD = 3e-3  # 256 low-discrepancy points of a lamp near by
 
@@ -37,9 +37,9 @@ def polygon_irradiance(corners, radiance):
 
 @pytest.mark.parametrize("place", [(0, 0, 0.3), (0.2, 0.1, 0.4), (3.0, -2.0, 2.5)])
 def test_point(rasterizer, make, place):
-    light = Light("lamp", LightKind.SPHERE, tuple(I), make.at(*place))
+    light = Light("lamp", LightKind.SPHERE, tuple(POWER), make.at(*place))
     d2 = np.dot(place, place)
-    expected = I * place[2] / d2**1.5
+    expected = POWER * place[2] / d2**1.5
     assert np.allclose(irradiance(rasterizer, make, light, 1), expected, rtol=EXACT)
 
 
@@ -47,14 +47,14 @@ def test_point(rasterizer, make, place):
     ("place", "radius"), [((0, 0, 0.3), 0.1), ((0.25, 0, 0.3), 0.15), ((0, 0, 0.02), 0.019)]
 )
 def test_sphere_above_the_horizon_is_as_bright_as_its_centre(rasterizer, make, place, radius):
-    light = Light("lamp", LightKind.SPHERE, tuple(I), make.at(*place), radius=radius)
-    expected = I * place[2] / np.dot(place, place) ** 1.5
+    light = Light("lamp", LightKind.SPHERE, tuple(POWER), make.at(*place), radius=radius)
+    expected = POWER * place[2] / np.dot(place, place) ** 1.5
     assert np.allclose(irradiance(rasterizer, make, light, 256), expected, rtol=SPREAD)
 
 
 @pytest.mark.parametrize(("distance", "radius"), [(0.3, 0.05), (0.1, 0.2), (1.0, 1.5)])
 def test_disk_on_the_axis(rasterizer, make, distance, radius):
-    light = Light("lamp", LightKind.DISK, tuple(I), make.at(0, 0, distance), radius=radius)
+    light = Light("lamp", LightKind.DISK, tuple(POWER), make.at(0, 0, distance), radius=radius)
     expected = np.pi * light.radiance * radius**2 / (radius**2 + distance**2)
     assert np.allclose(irradiance(rasterizer, make, light, 256), expected, rtol=SPREAD)
 
@@ -67,7 +67,7 @@ def test_rect_near_by(rasterizer, make, target, size):
         pose @ [x * size[0], y * size[1], 0, 1]
         for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
     ]
-    light = Light("lamp", LightKind.RECT, tuple(I), pose, width=size[0], height=size[1])
+    light = Light("lamp", LightKind.RECT, tuple(POWER), pose, width=size[0], height=size[1])
     corners = np.array(corners)[:, :3]
     faces_the_origin = (-pose[:3, 3]) @ -pose[:3, 2] > 0
     assert (corners[:, 2] > 0).all()
@@ -78,23 +78,23 @@ def test_rect_near_by(rasterizer, make, target, size):
 
 def test_rect_shines_to_one_side(rasterizer, make):
     light = Light(
-        "lamp", LightKind.RECT, tuple(I), make.facing((0, 0, 0.3), (0, 0, 1)), width=0.1, height=0.1
+        "lamp", LightKind.RECT, tuple(POWER), make.facing((0, 0, 0.3), (0, 0, 1)), width=0.1, height=0.1
     )
     assert (irradiance(rasterizer, make, light, 16) == 0).all()
 
 
 def test_line(rasterizer, make):
     length, d = 0.6, 0.2
-    light = Light("lamp", LightKind.CYLINDER, tuple(I), make.at(0, 0, d), length=length)
+    light = Light("lamp", LightKind.CYLINDER, tuple(POWER), make.at(0, 0, d), length=length)
     a = length / 2
-    expected = I / length * d**2 * 2 * (a / (2 * d**2 * (d**2 + a**2)) + np.arctan(a / d) / (2 * d**3))
+    expected = POWER / length * d**2 * 2 * (a / (2 * d**2 * (d**2 + a**2)) + np.arctan(a / d) / (2 * d**3))
     assert np.allclose(irradiance(rasterizer, make, light, 256), expected, rtol=SPREAD)
 
 
 def test_thick_cylinder(rasterizer, make):
     """Against its surface summed up piece by piece."""
     length, radius, d = 0.5, 0.08, 0.2
-    light = Light("lamp", LightKind.CYLINDER, tuple(I), make.at(0.1, 0, d), radius=radius, length=length)
+    light = Light("lamp", LightKind.CYLINDER, tuple(POWER), make.at(0.1, 0, d), radius=radius, length=length)
     x = 0.1 + (np.arange(2000) + 0.5) / 2000 * length - length / 2
     phi = (np.arange(4000) + 0.5) / 4000 * 2 * np.pi
     outward = np.stack([0 * phi, np.cos(phi), np.sin(phi)], axis=-1)
@@ -111,16 +111,16 @@ def test_thick_cylinder(rasterizer, make):
 @pytest.mark.parametrize("tilt", [0.0, 0.9])
 def test_distant(rasterizer, make, angle, tilt):
     pose = make.facing((np.sin(tilt), 0, np.cos(tilt)), (0, 0, 0))
-    light = Light("sun", LightKind.DISTANT, tuple(I), pose, angle=angle)
+    light = Light("sun", LightKind.DISTANT, tuple(POWER), pose, angle=angle)
     rtol = SPREAD if angle > 0.1 else 1e-4
     assert np.allclose(
-        irradiance(rasterizer, make, light, 1 if angle == 0 else 256), I * np.cos(tilt), rtol=rtol
+        irradiance(rasterizer, make, light, 1 if angle == 0 else 256), POWER * np.cos(tilt), rtol=rtol
     )
 
 
 def test_dome(rasterizer, make):
-    light = Light("sky", LightKind.DOME, tuple(I), make.facing((1, 2, 3), (0, 0, 0)))
-    assert np.allclose(irradiance(rasterizer, make, light, 64), np.pi * I, rtol=SPREAD)
+    light = Light("sky", LightKind.DOME, tuple(POWER), make.facing((1, 2, 3), (0, 0, 0)))
+    assert np.allclose(irradiance(rasterizer, make, light, 64), np.pi * POWER, rtol=SPREAD)
 
 
 def test_dome_with_a_texture(rasterizer, make):
@@ -130,12 +130,14 @@ def test_dome_with_a_texture(rasterizer, make):
     pixels[3:5, 20:23] = 30.0
     texture = Texture(pixels, (Wrap.REPEAT, Wrap.CLAMP))
     pose = make.facing((1, 2, 3), (0, 0, 0))
-    light = Light("sky", LightKind.DOME, tuple(I), pose, texture=texture)
+    light = Light("sky", LightKind.DOME, tuple(POWER), pose, texture=texture)
     n = 800
     u, v = np.meshgrid((np.arange(2 * n) + 0.5) / (2 * n), (np.arange(n) + 0.5) / n)
     uv = np.stack([u, v], -1)
     cosine = np.maximum((latlong_direction(uv) @ pose[:3, :3].T)[..., 2], 0) * np.sin(np.pi * v)
-    expected = I * np.sum(evaluate_texture(texture, uv) * cosine[..., None], axis=(0, 1)) * np.pi**2 / n**2
+    expected = (
+        POWER * np.sum(evaluate_texture(texture, uv) * cosine[..., None], axis=(0, 1)) * np.pi**2 / n**2
+    )
     assert np.allclose(
         irradiance(rasterizer, make, light, 256), expected, rtol=0.01
     )  # 1024 directions, some through the bright patch
@@ -147,7 +149,7 @@ def test_rect_with_a_texture_stands_upright(rasterizer, make):
     pixels[0, 0] = 1.0
     texture = Texture(pixels, (Wrap.CLAMP, Wrap.CLAMP))
     pose = make.at(0, 0, 0.4)
-    light = Light("lamp", LightKind.RECT, tuple(I), pose, width=0.4, height=0.4, texture=texture)
+    light = Light("lamp", LightKind.RECT, tuple(POWER), pose, width=0.4, height=0.4, texture=texture)
     x, y = np.meshgrid((np.arange(400) + 0.5) / 1000 - 0.2, (np.arange(400) + 0.5) / 1000 - 0.2)
     value = evaluate_texture(texture, np.stack([0.5 - x / 0.4, 0.5 + y / 0.4], -1))[..., 0]
     expected = light.radiance * np.sum(value * 0.4**2 / (x**2 + y**2 + 0.4**2) ** 2) * 1e-6
@@ -183,9 +185,9 @@ def test_shaping(rasterizer, make, shape):
         shape["profile"] = profiles[shape["profile"]]
     place = np.array([0.2, 0.1, 0.4])
     pose = make.facing(place, (-0.1, 0.05, 0))
-    light = Light("lamp", LightKind.SPHERE, tuple(I), pose, **shape)
+    light = Light("lamp", LightKind.SPHERE, tuple(POWER), pose, **shape)
     away = -place / np.linalg.norm(place)
-    expected = I * light.shaping(away @ pose[:3, :3]) * place[2] / np.dot(place, place) ** 1.5
+    expected = POWER * light.shaping(away @ pose[:3, :3]) * place[2] / np.dot(place, place) ** 1.5
     assert np.allclose(
         irradiance(rasterizer, make, light, 1), expected, rtol=3e-4, atol=1e-9
     )  # atan in float32
