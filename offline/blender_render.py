@@ -34,10 +34,14 @@ def prepare(settings: CyclesSettings) -> None:
 
 
 def _set(owner: Any, **values: Any) -> None:
-    """Assign what differs: Blender takes every assignment for a change, and compiles all shaders anew."""
+    """Assign what differs: Blender takes many an assignment for a change, and compiles all shaders anew.
+
+    Of Cycles' own settings it takes none for a change, so it is told.
+    """
     for name, value in values.items():
         if getattr(owner, name) != value:
             setattr(owner, name, value)
+            bpy.context.scene.update_tag()
 
 
 def trace(path: Path, samples: int, noise: float = 0.0, denoise: bool = False) -> dict[str, np.ndarray]:

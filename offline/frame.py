@@ -21,7 +21,7 @@ from offline.protocol import Job
 
 ALL_LAMPS, NO_LAMP = -1, -2
 RADIANCE, TRUTH, LIT, INDIRECT, DIRECT = range(5)  # modes of osl/surface.osl
-EDGE_SAMPLES = 16  # of direct light alone, which is noisy at edges and under large lamps only
+EDGE_SAMPLES = 16  # of direct light alone, noisy at edges and in half-shadows only, and not denoised
 
 
 def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -47,23 +47,20 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
         return found
 
     def radiance(only: int) -> tuple[np.ndarray, np.ndarray]:
-        found = run(RADIANCE, only, settings.samples, settings.noise, bool(settings.denoise))
-        return found["Combined"], found["Emission"]
-
-    def by_lamp(k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Direct light has little noise, so it takes fewer samples than reflected light."""
-        direct = run(DIRECT, k, max(min(settings.samples, EDGE_SAMPLES), settings.samples // 4))["Combined"]
-        if settings.max_bounces == 0:
-            return direct, direct
-        found = run(INDIRECT, k, settings.samples, settings.noise, bool(settings.denoise))
-        return direct + found["Combined"], direct
+        """The image and its direct part. What is denoised is reflected light alone: direct light keeps its edges."""
+        if not settings.denoise or settings.max_bounces == 0:
+            found = run(RADIANCE, only, settings.samples, settings.noise)
+            return found["Combined"], found["Emission"]
+        direct = run(DIRECT, only, max(settings.samples, EDGE_SAMPLES))["Combined"]
+        reflected = run(INDIRECT, only, settings.samples, settings.noise, denoise=True)["Combined"]
+        return direct + np.maximum(reflected, 0), direct
 
     if job.centres_only:
         pass
     elif job.per_light:
         size = job.camera.sensor.resolution[::-1]
         glows = any(any(b.material.emission) or b.material.emission_map for b in job.scene.bodies)
-        parts = [by_lamp(k) for k in range(len(lights))]
+        parts = [radiance(k) for k in range(len(lights))]
         arrays["light"] = np.stack([p for p, _ in parts]) if parts else np.zeros((0, *size, 3))
         if glows or not parts:
             parts.append(radiance(NO_LAMP))

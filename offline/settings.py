@@ -8,7 +8,7 @@ from interchange.parameter import freeze, parameter
 
 @dataclass(frozen=True)
 class CyclesSettings:
-    """Hashable, and by ``as_dict`` JSON-able. Two renders with equal settings, scene and machine are equal bit by bit."""
+    """Hashable, and by ``as_dict`` JSON-able. Equal settings, scene and machine give equal bits."""
 
     samples: int = parameter(
         64, "N", "1", 1, 2**20, "light paths a pixel; with noise > 0 the most a pixel gets"
@@ -21,9 +21,7 @@ class CyclesSettings:
         6, "b", "1", 0, 128, "reflections after the first surface; 0 is direct light"
     )
     lamp_grid: int = parameter(2, "g", "1", 1, 4, "g² shadow rays to a lamp with extent at the first surface")
-    denoise: int = parameter(
-        0, "d", "1", 0, 1, "1: Open Image Denoise, which changes the image's mean locally"
-    )
+    denoise: int = parameter(0, "d", "1", 0, 1, "1: reflected light is denoised, which biases it locally")
     threads: int = parameter(0, "t", "1", 0, 1024, "processor threads; 0 takes all")
     tile: int = parameter(2048, "p", "px", 8, 65536, "edge of the tiles in which a large image is made")
 

@@ -274,3 +274,18 @@ def test_glsl_material_is_refused(cycles, build):
     )
     with pytest.raises(BrightfieldError, match='"special" must have a BRDF of the catalogue'):
         cycles.render(Scene((body,)), build.spot(), ONE)
+
+
+def test_denoising_leaves_direct_light_alone_and_brings_the_rest_nearer_to_the_truth(cycles, build):
+    camera = build.camera((0, -1.2, 0.8), (0, 0, 0.15))
+    few = CyclesSettings(samples=16, max_bounces=3)
+    plain, clean, true = (
+        cycles.render(room(build), camera, s, ["direct", "indirect", "object_id"])
+        for s in (few, replace(few, denoise=1), replace(few, samples=1024, seed=5))
+    )
+    assert np.allclose(clean.passes["direct"], plain.passes["direct"], rtol=1e-5, atol=1e-7)
+    errors = [np.sqrt(np.mean((x.passes["indirect"] - true.passes["indirect"]) ** 2)) for x in (plain, clean)]
+    assert errors[1] < 0.8 * errors[0]
+    assert np.array_equal(
+        plain.passes["object_id"], true.passes["object_id"]
+    )  # true at the centre, however many samples
