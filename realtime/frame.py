@@ -54,10 +54,9 @@ class Frame:
             drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k])
             buffer = self._gbuffer(drawn, k)
             self.stages.lighting.begin(buffer, drawn)
-            if self.stages.table.emits:
-                self.stages.lighting.add([], [])
-                if alone:
-                    self.stages.lighting.resolve(total.framebuffer, weight)
+            self._own_light()
+            if alone:
+                self.stages.lighting.resolve(total.framebuffer, weight)
             for chunk in chunks(list(self._points_of_pass(k)), alone):
                 self._light(chunk, k)
                 if alone:
@@ -74,11 +73,17 @@ class Frame:
         lighting = self.stages.lighting
         drawn = self._pass(1, MIDDLE, MIDDLE)
         lighting.begin(self._gbuffer(drawn, 0), drawn)
-        if self.stages.table.emits:
-            lighting.add([], [])
+        self._own_light()
         for chunk in chunks(list(self._points_of_pass(0)), False):
             self._light(chunk, 0)
         return lighting.read()
+
+    def _own_light(self) -> None:
+        """What shines into the camera by itself: lamps that it sees, and surfaces."""
+        if any(light.visible for light in self.lights):
+            self.stages.lighting.show(self.lights, self.origin)
+        if self.stages.table.emits:
+            self.stages.lighting.add([], [])
 
     def centre_passes(self, wanted: tuple[str, ...], following: Scene | None) -> dict[str, np.ndarray]:
         """Passes through the pixels' centres."""

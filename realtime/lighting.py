@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from realtime import materials
+from interchange.light import Light
+from realtime import materials, visible_lamps
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
 from realtime.lamps import MAPS, POWER, Sample, is_shaped
@@ -129,6 +130,23 @@ class LightingStage:
         put(program, **UNITS)
         self._draw(program, 0.0)
         samples.framebuffer.depth_mask = False
+
+    def show(self, lights: list[Light], origin: np.ndarray) -> None:
+        """Draw the lamps that the camera sees over what lies behind them; after ``begin``, before ``add``."""
+        context, drawn = self.context, self._pass
+        seen = visible_lamps.far_to_near(lights, drawn.view.world_from_eye[:3, 3] + origin)
+        self._samples.framebuffer.depth_mask = True
+        self._samples.framebuffer.use()
+        context.disable(moderngl.BLEND)
+        context.enable(moderngl.DEPTH_TEST)
+        context.depth_func = "1"
+        for light in seen:
+            program = self.programs.get(*visible_lamps.sources(light, drawn.view, drawn.lensmap is not None))
+            put(program, **UNITS)
+            put(program, world_from_eye=tuple(drawn.view.world_from_eye.T.ravel()))
+            visible_lamps.fill(program, light, origin, self.uploads, self._records)
+            self._draw(program, 0.0)
+        self._samples.framebuffer.depth_mask = False
 
     def add(self, chunk: list[Lit], maps: list[moderngl.Texture], lit: bool = False) -> None:
         """Add the light of a chunk; of none, what surfaces emit. ``lit``: visibility instead."""

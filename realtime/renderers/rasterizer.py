@@ -74,9 +74,11 @@ class Rasterizer:
             stages = self._stages
             stages.uploads.begin()
             stages.bodies.update(scene.bodies)
-            for profile in (light.profile for light in scene.lights):
-                if profile is not None:
-                    stages.uploads.profile(profile)
+            for light in scene.lights:
+                if light.profile is not None:
+                    stages.uploads.profile(light.profile)
+                if light.texture is not None and light.visible:
+                    stages.uploads.picture(light.texture)
             stages.shadows.expire()
             stages.uploads.end()
             frame = Frame(stages, scene, camera, samples, self.shadow_resolution)

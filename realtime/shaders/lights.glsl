@@ -75,7 +75,6 @@ Arrival arrival(int k, vec3 p)
 }
 #endif
 
-#ifdef SHAPED
 float angle_of(float cosine)
 {
     // Abramowitz, Stegun: Handbook of mathematical functions. 4.4.46, to 2e-8.
@@ -86,6 +85,7 @@ float angle_of(float cosine)
     return cosine < 0.0 ? 3.14159265359 - p : p;
 }
 
+#ifdef SHAPED
 // interchange.light.Light.shaping; l points to the lamp.
 vec3 shaping(int k, vec3 l)
 {
