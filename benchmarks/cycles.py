@@ -60,6 +60,16 @@ def scene() -> Scene:
     )
 
 
+def with_lamp(base: Scene, k: int) -> Scene:
+    first, *others = base.lights
+    return replace(base, lights=(replace(first, world_from_light=at(0.01 * k, 0.3, 0.9)), *others))
+
+
+def with_ball(base: Scene, k: int) -> Scene:
+    ground, moving = base.bodies
+    return replace(base, bodies=(ground, replace(moving, world_from_body=at(0.01 * k, 0, 0.3))))
+
+
 def camera(k: int, width: int = 640, height: int = 480) -> Camera:
     eye = np.array([1.5 * np.cos(0.02 * k), 1.5 * np.sin(0.02 * k), 1.0])
     return Camera(
@@ -93,16 +103,8 @@ def main() -> None:
     print(f"{frames} frames of 640 x 480, {SETTINGS.samples} samples, 100k triangles, with depth and ids")
     with Cycles() as cycles:
         sweep(cycles, "moving camera", frames, lambda k: (base, camera(k)))
-        lamp = base.lights[0]
-        sweep(
-            cycles, "moving lamp", frames // 5 or 1,
-            lambda k: (replace(base, lights=(replace(lamp, world_from_light=at(0.01 * k, 0.3, 0.9)), *base.lights[1:])), camera(0)),
-        )  # fmt: skip
-        body = base.bodies[1]
-        sweep(
-            cycles, "moving body", frames // 5 or 1,
-            lambda k: (replace(base, bodies=(base.bodies[0], replace(body, world_from_body=at(0.01 * k, 0, 0.3)))), camera(0)),
-        )  # fmt: skip
+        sweep(cycles, "moving lamp", max(1, frames // 5), lambda k: (with_lamp(base, k), camera(0)))
+        sweep(cycles, "moving body", max(1, frames // 5), lambda k: (with_ball(base, k), camera(0)))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""One image a lamp: ``per_light`` against as many whole renders, at equal noise: ``python benchmarks/per_light.py [LAMPS]``.
+"""One image a lamp, against as many whole renders, at equal noise: ``python benchmarks/per_light.py [LAMPS]``.
 
 Noise is that of the lamps' images, from the difference of two seeds. Time is that of the
 rendering calls, both ways from a warm worker; cost = time · noise² (time to reach the same noise), ratios of cost.

@@ -7,7 +7,7 @@ off goes on where it stopped.
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -83,10 +83,15 @@ def run(
     return Report(tuple(done), tuple(sorted(finished)), tuple(failed), time.monotonic() - began, spent)
 
 
-def _results(jobs: Sequence[FrameJob], scheduler: str | None, workers: int) -> Any:
+def _results(
+    jobs: Sequence[FrameJob], scheduler: str | None, workers: int
+) -> Iterator[tuple[FrameJob, float | str]]:
     """(job, seconds or reason) as they come, in no order."""
     import dask
-    from distributed import Client, KilledWorker, LocalCluster, as_completed
+    import distributed
+
+    library: Any = distributed  # without annotations
+    Client, LocalCluster, as_completed = library.Client, library.LocalCluster, library.as_completed
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     count = workers or max(1, cores // 4)
@@ -128,7 +133,7 @@ def _results(jobs: Sequence[FrameJob], scheduler: str | None, workers: int) -> A
                     error = future.exception() if future.status == "error" else None
                     if future.status == "finished":
                         yield job, float(future.result())
-                    elif isinstance(error, KilledWorker):
+                    elif isinstance(error, library.KilledWorker):
                         yield job, f"its worker died {TRIES} times"
                     elif isinstance(error, BrightfieldError):
                         yield job, str(error)
@@ -171,17 +176,17 @@ def frame_jobs(
                 following = times[k + 1] if k + 1 < len(times) else 2 * time_code - times[k - 1]
             jobs.append(
                 FrameJob(
-                    os.path.abspath(path),
-                    document.digest,
-                    camera,
-                    time_code,
-                    name(camera, time_code),
-                    settings,
-                    tuple(passes),
-                    per_light,
-                    width,
-                    following if {"motion", "all"} & set(passes) else None,
-                    options,
-                )  # fmt: skip
+                    scene=os.path.abspath(path),
+                    digest=document.digest,
+                    camera=camera,
+                    time=time_code,
+                    out=name(camera, time_code),
+                    settings=settings,
+                    passes=tuple(passes),
+                    per_light=per_light,
+                    width=width,
+                    next_time=following if {"motion", "all"} & set(passes) else None,
+                    options=options,
+                )
             )
     return jobs

@@ -16,7 +16,7 @@ def prepare(settings: CyclesSettings) -> None:
     """The settings of Blender's scene that stay for all passes of a frame."""
     scene = bpy.context.scene
     bounces = settings.max_bounces + 1  # the shader itself stops after max_bounces
-    _set(scene.render, engine="CYCLES", use_persistent_data=True)
+    _set(scene.render, engine="CYCLES", use_persistent_data=True, film_transparent=True)
     _set(
         scene.cycles, device="CPU", shading_system=True, pixel_filter_type="BOX", filter_width=1.0,
         sample_clamp_direct=0.0, sample_clamp_indirect=0.0, blur_glossy=0.0, light_sampling_threshold=0.0,
@@ -45,7 +45,7 @@ def _set(owner: Any, **values: Any) -> None:
 
 
 def trace(path: Path, samples: int, noise: float = 0.0, denoise: bool = False) -> dict[str, np.ndarray]:
-    """``Combined``, ``Emission`` and ``Position``, (H, W, 3) each."""
+    """``Combined``, ``Emission`` and ``Position``, (H, W, 3) each, and ``Alpha`` (H, W, 1), what is not background."""
     scene = bpy.context.scene
     _set(scene.cycles, samples=samples, use_adaptive_sampling=noise > 0, use_denoising=denoise)
     if noise > 0:
@@ -57,4 +57,5 @@ def trace(path: Path, samples: int, noise: float = 0.0, denoise: bool = False) -
     found = {}
     for name, letters in (("Combined", "RGB"), ("Emission", "RGB"), ("Position", "XYZ")):
         found[name] = np.stack([channels[f"{LAYER}.{name}.{c}"] for c in letters], axis=-1)
+    found["Alpha"] = channels[f"{LAYER}.Combined.A"][..., None]
     return found

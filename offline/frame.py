@@ -4,6 +4,7 @@
 |--------------|--------------|------------------------------------------------------------|
 | ``pixels``   | (H, W, 3)    | radiance                                                   |
 | ``direct``   | (H, W, 3)    | the part that came straight from lamps, and the own glow   |
+| ``alpha``    | (H, W, 1)    | share of the pixel that shows a surface                    |
 | ``truth``    | (H, W, 3)    | octahedral normal and 1 + body at the pixel centre         |
 | ``position`` | (H, W, 3)    | world, at the pixel centre                                 |
 | ``lit``      | (H, W, L)    | share of each lamp that is seen from there                 |
@@ -50,8 +51,10 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
         """The image and its direct part. What is denoised is reflected light alone: direct light keeps its edges."""
         if not settings.denoise or settings.max_bounces == 0:
             found = run(RADIANCE, only, settings.samples, settings.noise)
+            arrays["alpha"] = found["Alpha"]
             return found["Combined"], found["Emission"]
-        direct = run(DIRECT, only, max(settings.samples, EDGE_SAMPLES))["Combined"]
+        found = run(DIRECT, only, max(settings.samples, EDGE_SAMPLES))
+        direct, arrays["alpha"] = found["Combined"], found["Alpha"]
         reflected = run(INDIRECT, only, settings.samples, settings.noise, denoise=True)["Combined"]
         return direct + np.maximum(reflected, 0), direct
 

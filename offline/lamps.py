@@ -112,7 +112,8 @@ def texture_function(lights: Sequence[Light], file_of: Callable[[Texture], str])
         assert light.texture is not None
         wrap = "periodic" if light.kind is LightKind.DOME else "clamp"
         kind = "float" if light.texture.pixels.shape[2] == 1 else "color"
-        call = f'({kind})texture("{file_of(light.texture)}", s, t, 0, 0, 0, 0, "interp", "linear", "swrap", "{wrap}", "twrap", "clamp")'
+        wrapped = f'"swrap", "{wrap}", "twrap", "clamp"'
+        call = f'({kind})texture("{file_of(light.texture)}", s, t, 0, 0, 0, 0, "interp", "linear", {wrapped})'
         lines.append(f"if (k == {k}) c = {call};")
     body = "\n    ".join(lines)
     return (

@@ -9,6 +9,7 @@ import tempfile
 import time
 import weakref
 from pathlib import Path
+from typing import BinaryIO, cast
 
 import psutil
 
@@ -60,7 +61,7 @@ class Worker:
         """Raises WorkerDied when the worker crashes, is killed, runs out of memory or time."""
         assert self.process.stdin is not None
         try:
-            protocol.write(self.process.stdin, self.sender.pack(job))
+            protocol.write(cast(BinaryIO, self.process.stdin), self.sender.pack(job))
         except OSError:
             raise WorkerDied(self._cause()) from None
         return self._wait(timeout)
@@ -78,7 +79,7 @@ class Worker:
             if self.memory and self.process.poll() is None and self.resident > self.memory:
                 self.process.kill()
                 raise WorkerDied(f"it needed more than {self.memory / 2**20:.0f} MiB of memory")
-        message = protocol.read(self.process.stdout)
+        message = protocol.read(cast(BinaryIO, self.process.stdout))
         if message is None:
             raise WorkerDied(self._cause())
         return self.receiver.unpack(message)

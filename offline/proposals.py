@@ -15,7 +15,7 @@ Lobe = tuple[
 
 
 def proposals(brdf: Brdf) -> tuple[int, str]:
-    """The number of lobes, and the OSL statements that fill ``LO`` from ``wo`` and ``p``; no lobes for a matte surface."""
+    """The number of lobes (none for a matte surface), and the OSL statements that fill ``LO`` from ``wo`` and ``p``."""
     name = type(brdf).__name__
     lobes = MODELS.get(name, _any)(brdf)
     lines = ["float total = 0; float weight = 0; vector axis = 0;"]
@@ -70,10 +70,11 @@ def _usd_preview_surface(brdf: Brdf) -> list[Lobe]:
     s = brdf.slots()
     rough, coat = f"p[{s['roughness'].start}]", f"p[{s['clearcoatRoughness'].start}]"
     base, metal = f"({_mean(s['diffuseColor'])})", f"p[{s['metallic'].start}]"
+    wide, narrow = f"max({rough}, 0.03)", f"max({coat}, 0.03)"
     return [
         _cosine(f"0.1 + {base} * (1 - {metal})"),
-        (f"0.1 + {base} * {metal} + 0.3 * power(1 - wo[2], 5)", 2, "0, 0, 1", f"max({rough}, 0.03) * max({rough}, 0.03)"),
-        (f"1e-6 + 0.2 * p[{s['clearcoat'].start}]", 2, "0, 0, 1", f"max({coat}, 0.03) * max({coat}, 0.03)"),
+        (f"0.1 + {base} * {metal} + 0.3 * power(1 - wo[2], 5)", 2, "0, 0, 1", f"{wide} * {wide}"),
+        (f"1e-6 + 0.2 * p[{s['clearcoat'].start}]", 2, "0, 0, 1", f"{narrow} * {narrow}"),
     ]  # fmt: skip
 
 

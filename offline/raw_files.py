@@ -16,7 +16,8 @@ def read_exr(path: Path) -> dict[str, np.ndarray]:
     if raw[:4] != b"\x76\x2f\x31\x01":
         raise ValueError(f"{path} must be an OpenEXR file.")
     several = bool(raw[5] & 0x10)
-    at, headers = 8, []
+    at = 8
+    headers: list[dict[str, bytes]] = []
     while not headers or (several and raw[at] != 0):
         attributes, at = _header(raw, at)
         headers.append(attributes)

@@ -1,4 +1,4 @@
-"""The process that runs Blender: ``python -m offline.worker FOLDER``, jobs on its standard input, replies on its output.
+"""The process that runs Blender: ``python -m offline.worker FOLDER``, jobs on standard input, replies on its output.
 
 It and the modules that only it imports (offline.blender_*, offline.frame) are the only ones that know bpy.
 """

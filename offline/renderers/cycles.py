@@ -19,6 +19,7 @@ from interchange.camera import Camera
 from interchange.image import Image, check_passes
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
+from offline import visible_lamps
 from offline.passes import assemble
 from offline.process import Worker, WorkerDied
 from offline.protocol import Job, Reply
@@ -74,11 +75,10 @@ class Cycles:
         asked = check_passes(list(passes))
         per_light = per_light or "light" in asked
         check(scene, asked, next_scene)
-        job = Job(
-            replace(scene, cameras=(), source=scene.source), camera, settings,
-            truth=bool(TRUTH & set(asked)), lit="lit" in asked, per_light=per_light,
-        )  # fmt: skip
+        centres = bool(TRUTH & set(asked)) or any(x.visible for x in scene.lights)
+        job = Job(replace(scene, cameras=()), camera, settings, centres, "lit" in asked, per_light)
         arrays, reply = self._arrays(job) if is_native(camera) else self._through_lens(job)
+        visible_lamps.add(arrays, scene, camera)
         image_passes = assemble(arrays, scene, camera, asked, per_light, next_scene)
         made_by: dict[str, Any] = {
             "renderer": self.name,

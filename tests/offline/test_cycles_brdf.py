@@ -136,7 +136,7 @@ def test_large_lamp_on_a_shiny_surface(cycles, build):
 
 
 def test_interreflection_between_two_matte_planes(cycles, build):
-    """Light that met other surfaces first: a closed cube, ρ and one lamp; energy balance: E_total = Φ ρ / (A (1 - ρ))."""
+    """A closed matte cube around one lamp: reflected light brings Φ ρ / (A (1 - ρ)) to the walls, by energy balance."""
     rho = 0.5
     half = build.plane(0.5)
     turns = [np.eye(3), np.diag([1.0, -1, -1]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])]

@@ -289,3 +289,38 @@ def test_denoising_leaves_direct_light_alone_and_brings_the_rest_nearer_to_the_t
     assert np.array_equal(
         plain.passes["object_id"], true.passes["object_id"]
     )  # true at the centre, however many samples
+
+
+@pytest.mark.parametrize("kind", list(LightKind))
+def test_camera_sees_the_lamp_itself(cycles, build, kind):
+    """Every kind shows its radiance over its own outline; a half in front covers half of it; unseen ones stay dark."""
+    down = build.at(0, 0, 1.0)
+    light = Light(
+        "/l",
+        kind,
+        (1.0, 2.0, 3.0),
+        down,
+        radius=0.1,
+        width=0.3,
+        height=0.2,
+        length=0.4,
+        angle=0.2,
+        visible=True,
+    )
+    camera = build.camera((0, 0, 0.0), (0, 0, 1.0), 30, (64, 64))
+    screen = Body("/screen", build.plane(1.0), Material("black", Lambert(0.0)), build.at(1.0, 0, 0.5))
+    settings = CyclesSettings(samples=8, max_bounces=0)
+    image = cycles.render(Scene((), (light,)), camera, settings, ["direct"])
+    pixel = (2 * np.tan(np.radians(15)) / 64) ** 2  # m² at 1 m
+    area = {
+        LightKind.SPHERE: np.pi * 0.1**2 / (1 - 0.1**2), LightKind.DISK: np.pi * 0.1**2, LightKind.RECT: 0.06,
+        LightKind.CYLINDER: 2 * 0.1 / np.sqrt(1 - 0.1**2) * 0.4 / 0.9, LightKind.DISTANT: np.pi * np.tan(0.1) ** 2,
+        LightKind.DOME: 64 * 64 * pixel,
+    }[kind]  # fmt: skip
+    total = image.pixels.sum(axis=(0, 1)) * pixel
+    # a cylinder's near edge bulges by perspective; the others are exact up to the 4 x 4 rays of a pixel
+    assert total == pytest.approx(light.radiance * area, rel=0.06 if kind is LightKind.CYLINDER else 0.01)
+    assert np.allclose(image.passes["direct"], image.pixels)
+    half = cycles.render(Scene((screen,), (light,)), camera, settings)
+    assert half.pixels.sum() == pytest.approx(image.pixels.sum() / 2, rel=0.1)
+    assert cycles.render(Scene((), (replace(light, visible=False),)), camera, settings).pixels.max() == 0
