@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("out/demo"), help="folder to write to (default %(default)s)"
     )
     parser.add_argument(
-        "--samples", type=int, default=64, help="path-traced samples a pixel (default %(default)s)"
+        "--samples", type=int, default=32, help="path-traced samples a pixel (default %(default)s)"
     )
     parser.add_argument(
         "--assets", type=Path, default=ASSETS, help="folder of the parts that come with the source"

@@ -24,7 +24,7 @@ from realtime.renderers.rasterizer import Rasterizer
 MIDDLE = 4  # the frame shown large
 TRUTH = ("depth", "normal", "position", "object_id", "material_id", "direct", "indirect")
 SEEN = ("depth", "normal", "position", "object_id", "material_id", "direct")
-SHEET_WIDTH = 320  # px a frame of the contact sheet
+SHEET_WIDTH = 240  # px a frame of the contact sheet
 
 Say = Callable[[str], None]
 
@@ -106,7 +106,7 @@ def _side_by_side(pair: Pair) -> np.ndarray:
 
 def _sweep(document: Document, rasterizer: Rasterizer, cycles: Cycles, say: Say) -> np.ndarray:
     live, true, captions = [], [], []
-    settings = CyclesSettings(samples=16)
+    settings = CyclesSettings(samples=8)
     exposure = 0.0
     for time_code in document.times:
         scene = document.scene(time_code)
@@ -151,7 +151,7 @@ def _page(pairs: list[Pair], scene_file: Path) -> str:
     files = " · ".join(f'<a href="{html.escape(n)}">{html.escape(n)}</a>' for n in names)
     template = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     intro = (
-        "A STEP workpiece in a fixture under a ring of 24 LEDs and a bar light, seen by two cameras. Aluminium and "
+        "A STEP workpiece in a fixture under a ring of twelve LEDs and a bar light, seen by two cameras. Aluminium and "
         "anodised fixture have Lafortune reflectance. The scene is plain USD; the rasteriser shows direct light, the "
         "path tracer all of it, so their difference is what the surfaces send to each other."
     )

@@ -20,7 +20,7 @@ from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
 
 PART = "cad/featuretype.STEP"
-LEDS = 24
+LEDS = 12
 FRAMES = 12
 
 # Lobes in the shape that fits of machined and of anodised metal take (Ngan et al. 2005: one narrow lobe near the
@@ -36,8 +36,8 @@ ANODISED = Lafortune(
 )
 
 SENSOR = Sensor(
-    resolution=(640, 480),
-    pixel_pitch=(11.25e-6, 11.25e-6),
+    resolution=(480, 360),
+    pixel_pitch=(15e-6, 15e-6),
     responsivity=90.0,
     full_well=10500.0,
     bit_depth=12,
@@ -98,10 +98,9 @@ def _lights() -> tuple[Light, ...]:
         ring.append(
             Light(
                 f"Led{k:02d}",
-                LightKind.DISK,
-                (0.13, 0.128, 0.12),  # W/sr a channel on the axis
+                LightKind.SPHERE,
+                (0.26, 0.256, 0.24),  # W/sr a channel on the axis; a die of 1 mm is a point from 0.2 m
                 look_at(place, target) @ camera_from_gl,
-                radius=0.0025,
                 cone_angle=np.radians(60),
                 cone_softness=0.4,
                 focus=1.0,
