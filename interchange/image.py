@@ -12,7 +12,7 @@ Passes (all optional, at the image's resolution, sampled at pixel centres unless
 | ``motion`` | (H, W, 2) float32 | px that the surface point moves (column, row) until the next frame |
 | ``direct`` | (H, W, 3) float32 | radiance by light straight from lamps (and emission), pixel mean |
 | ``indirect`` | (H, W, 3) float32 | radiance by light that met other surfaces first, pixel mean |
-| ``lit:NAME`` | (H, W) float32 | share of lamp NAME that the point sees, 0 in shadow, 1 lit; surfaces that face away 0 |
+| ``lit:NAME`` | (H, W) float32 | share of lamp NAME that is seen: 0 in shadow, 1 lit; 0 facing away |
 | ``light:NAME`` | (H, W, 3) float32 | radiance by lamp NAME alone, pixel mean |
 """
 

@@ -86,7 +86,8 @@ def freeze(model: Any) -> None:
         if value.shape != shape:
             wrong.append(f"{label} must have shape {shape}; got {value.shape}.")
             continue
-        low, high = min(about.low, np.float32(about.low)), max(about.high, np.float32(about.high))  # as files hold it
+        low = min(about.low, float(np.float32(about.low)))  # files hold single precision
+        high = max(about.high, float(np.float32(about.high)))
         outside = value[~((value >= low) & (value <= high))]  # written so that NaN is outside
         if outside.size:
             wrong.append(

@@ -1,6 +1,7 @@
 """A USD stage at a time code as a ``Scene``; what did not change since another time is the same object."""
 
 from collections.abc import Iterable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,13 +106,11 @@ class SceneReader:
         return self._textures[key]
 
     def profile(self, file: str, normalize: bool) -> Profile:
-        from dataclasses import replace
-
-        from interchange.formats import photometry
+        from interchange.formats.photometry import read as read_photometry
 
         key = ("profile", file, normalize)
         if key not in self._kept:
-            profile = photometry.read(Path(file))
+            profile = read_photometry(Path(file))
             if normalize:
                 profile = replace(profile, candela=profile.candela * (4 * np.pi / profile.power()))
             self._kept[key] = profile
@@ -166,8 +165,6 @@ class _Walk:
         if prim.HasAPI(UsdLux.LightAPI):
             light = read_light(prim, self.time, world, self.find, reader.texture, reader.profile)
             if light is not None:
-                from dataclasses import fields, replace
-
                 light = replace(light, name=path) if suffix else light
                 names = [f.name for f in fields(light) if f.name != "where"]
                 self.lights.append(reader.same(path, light, names))

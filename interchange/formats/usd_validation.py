@@ -16,11 +16,14 @@ from interchange.parameter import parameters
 from interchange.problems import Problem, Severity, Where
 
 
+_FOLDER = tempfile.TemporaryDirectory(prefix="brightfield-shaders-")  # goes with the process
+
+
 @cache
 def _validators() -> Any:
     from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
-    folder = Path(tempfile.mkdtemp(prefix="brightfield-shaders-"))
+    folder = Path(_FOLDER.name)
     definitions = Usd.Stage.CreateNew(str(folder / "shaderDefs.usda"))
     results = []
     for name, model in BY_NAME.items():
