@@ -61,11 +61,9 @@ class UsdFormat(Format):
                 layer = Sdf.Layer.CreateNew(str(beside))
                 packed = root.realPath.endswith(".usdz")  # its inner paths mean nothing outside
                 layer.TransferContent(document.stage.Flatten() if packed else root)
-                if (
-                    not packed
-                    and not root.anonymous
-                    and Path(root.realPath).parent.resolve() != path.parent.resolve()
-                ):
+                if root.anonymous:
+                    _bring_pictures(layer, path)
+                elif not packed and Path(root.realPath).parent.resolve() != path.parent.resolve():
                     _anchor(layer, Path(root.realPath).parent, path.parent)
                 if not layer.Save():
                     raise OSError("USD could not write it")
@@ -123,6 +121,27 @@ def _anchor(layer: object, old: Path, new: Path) -> None:
         return Path(os.path.relpath(target, new)).as_posix() + inside
 
     UsdUtils.ModifyAssetPaths(layer, moved)
+
+
+def _bring_pictures(layer: object, path: Path) -> None:
+    """Point a stage made from another format to its pictures by relative paths; those that were inside the source
+    file, and so are in the user's cache alone, are copied to a folder beside the scene."""
+    from pxr import UsdUtils
+
+    def brought(asset: str) -> str:
+        source = Path(asset)
+        if not source.is_absolute() or not source.is_file():
+            return asset
+        if "brightfield/pictures" in source.as_posix():
+            folder = path.with_name(f"{path.stem}_pictures")
+            folder.mkdir(exist_ok=True)
+            beside = written_beside(folder / source.name)
+            shutil.copyfile(source, beside)
+            os.replace(beside, folder / source.name)
+            source = folder / source.name
+        return Path(os.path.relpath(source, path.parent.resolve())).as_posix()
+
+    UsdUtils.ModifyAssetPaths(layer, brought)
 
 
 def _write_package(document: Document, beside: Path) -> None:

@@ -15,7 +15,6 @@ from interchange.formats.usd_author import TYPES
 from interchange.parameter import parameters
 from interchange.problems import Problem, Severity, Where
 
-
 _FOLDER = tempfile.TemporaryDirectory(prefix="brightfield-shaders-")  # goes with the process
 
 

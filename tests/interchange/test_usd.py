@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from PIL import Image as Pillow
 
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lambert import Lambert
@@ -380,3 +382,14 @@ def test_the_digest_changes_with_what_the_scene_refers_to(tmp_path):
     (other / "part.usda").write_text('#usda 1.0\n(defaultPrim = "P")\ndef Cube "P" { double size = 5\n}')
     file = written(other, 'def "A" (references = @./part.usda@) {}')
     assert open_scene(file).digest != first
+
+
+def test_a_picture_inside_a_part_is_put_beside_the_scene(tmp_path):
+    box = trimesh.creation.box((1, 1, 1))
+    image = Pillow.fromarray(np.arange(192, dtype=np.uint8).reshape(8, 8, 3))
+    skin = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), image=image)
+    trimesh.Trimesh(box.vertices, box.faces, visual=skin).export(tmp_path / "part.glb")
+    open_scene(tmp_path / "part.glb").save(tmp_path / "part.usda")
+    assert "@part_pictures/" in (tmp_path / "part.usda").read_text()
+    (body,) = open_scene(tmp_path / "part.usda").scene().bodies
+    assert body.material.maps["diffuseColor"].file.startswith(str(tmp_path))
