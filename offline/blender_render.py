@@ -10,6 +10,7 @@ from offline.raw_files import read_exr
 from offline.settings import CyclesSettings
 
 LAYER = "ViewLayer"
+MOST_SAMPLES = 2**20
 
 
 def prepare(settings: CyclesSettings) -> None:
@@ -24,6 +25,10 @@ def prepare(settings: CyclesSettings) -> None:
         max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces, transmission_bounces=bounces,
         seed=settings.seed, use_auto_tile=True, tile_size=settings.tile, denoiser="OPENIMAGEDENOISE",
     )  # fmt: skip
+    preferences = bpy.context.preferences  # which hide the pattern that needs no tables
+    _set(preferences.experimental, use_cycles_debug=True)
+    _set(preferences.view, show_developer_ui=True)
+    _set(scene.cycles, sampling_pattern="SOBOL_BURLEY")
     _set(scene.render, threads_mode="FIXED" if settings.threads else "AUTO")
     if settings.threads:
         _set(scene.render, threads=settings.threads)
@@ -47,7 +52,15 @@ def _set(owner: Any, **values: Any) -> None:
 def trace(path: Path, samples: int, noise: float = 0.0, denoise: bool = False) -> dict[str, np.ndarray]:
     """``Combined``, ``Emission`` and ``Position``, (H, W, 3) each, and ``Alpha`` (H, W, 1), what is not background."""
     scene = bpy.context.scene
-    _set(scene.cycles, samples=samples, use_adaptive_sampling=noise > 0, use_denoising=denoise)
+    # the random pattern depends on the number of samples, and on earlier ones: so take the first of always as many
+    _set(
+        scene.cycles,
+        samples=MOST_SAMPLES,
+        use_sample_subset=True,
+        sample_offset=0,
+        sample_subset_length=samples,
+    )
+    _set(scene.cycles, use_adaptive_sampling=noise > 0, use_denoising=denoise)
     if noise > 0:
         _set(scene.cycles, adaptive_threshold=noise)
     _set(scene.render, filepath=str(path))
