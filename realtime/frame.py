@@ -35,7 +35,7 @@ class Frame:
         self.visible = self._visible()
         rounds = self.plan.passes * self.plan.rounds
         self.points = [lamps.samples(light, i, rounds, self.origin) for i, light in enumerate(self.lights)]
-        self._ready: dict[int, Lit] = {}
+        self._ready: dict[tuple[int, bool], Lit] = {}
 
     def radiance(self, alone: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The image (H, W, 3), and each lamp's own by its name if ``alone``."""
@@ -115,7 +115,7 @@ class Frame:
         for light, points in zip(self.lights, self.points, strict=True):
             target = self.stages.targets.get("lit", self.size)
             for k, at_once in enumerate(points):
-                for chunk in chunks([self._prepare(p, 1.0) for p in at_once], False):
+                for chunk in chunks([self._prepare(p, 1.0, whole=True) for p in at_once], False):
                     self._light(chunk, k, lit=True)
             lighting.resolve(target.framebuffer, 1.0)
             sums = target.read()
@@ -152,12 +152,13 @@ class Frame:
                 for point in points[k * self.plan.rounds + r]:
                     yield self._prepare(point, 1.0 / self.plan.rounds)
 
-    def _prepare(self, point: lamps.Sample, share: float) -> Lit:
-        """The point with its shadow maps' frusta; what shines equally in every pass is prepared once."""
-        key = id(point)
+    def _prepare(self, point: lamps.Sample, share: float, whole: bool = False) -> Lit:
+        """The point with its shadow maps' frusta; what shines equally in every pass is prepared once.
+        ``whole``: its shadows also outside its beam."""
+        key = (id(point), whole)
         if key not in self._ready:
             shadows = self.stages.shadows
-            frusta = shadows.frusta(point, self.visible) if point.light.casts_shadows else []
+            frusta = shadows.frusta(point, self.visible, whole) if point.light.casts_shadows else []
             self._ready[key] = Lit(
                 point, shadows.record(point, frusta, self.side, self.visible.extent), frusta
             )

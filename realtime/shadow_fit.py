@@ -8,6 +8,7 @@ family of tiles, halved up to four times, so that a camera that moves a little k
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -38,11 +39,15 @@ class Visible:
     bounds: np.ndarray
     seen: polytope.Polygons
 
-    @property
+    @cached_property
+    def points(self) -> np.ndarray:
+        return np.concatenate(self.seen)
+
+    @cached_property
     def corners(self) -> np.ndarray:
         return np.concatenate(polytope.box(self.bounds))
 
-    @property
+    @cached_property
     def extent(self) -> float:
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
@@ -88,12 +93,15 @@ def place_frustum(
     eye_from_world[:3, :3], eye_from_world[:3, 3] = rotation, -rotation @ place
     projection = np.array([[1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0], [0, 0, 0, near], [0, 0, 1, 0]])
     full = projection @ eye_from_world
-    sides = np.array([[1.0, 0, 0, 1], [-1, 0, 0, 1], [0, 1, 0, 1], [0, -1, 0, 1]]) @ full
-    inside = polytope.cut(visible.seen, np.concatenate([sides, [eye_from_world[2] - [0, 0, 0, near]]]))
-    if not inside:
+    if not visible.seen:
         return None
-    p = np.concatenate(inside)
-    p = p @ full[:, :3].T + full[:, 3]
+    p = visible.points @ full[:, :3].T + full[:, 3]
+    if (p[:, 3] < near).any() or (np.abs(p[:, :2]) > p[:, 3:]).any():
+        sides = np.array([[1.0, 0, 0, 1], [-1, 0, 0, 1], [0, 1, 0, 1], [0, -1, 0, 1]]) @ full
+        inside = polytope.cut(visible.seen, np.concatenate([sides, [eye_from_world[2] - [0, 0, 0, near]]]))
+        if not inside:
+            return None
+        p = np.concatenate(inside) @ full[:, :3].T + full[:, 3]
     ndc = p[:, :2] / p[:, 3:]
     zoom, size = _tile(ndc.min(axis=0), ndc.max(axis=0))
     slopes = np.zeros((3, 4))
@@ -113,7 +121,7 @@ def parallel_frustum(direction: np.ndarray, visible: Visible) -> Frustum | None:
     full[:2, :3] = rotation[:2] / half
     full[:2, 3] = -middle[:2] / half
     full[2, :3], full[2, 3] = -rotation[2] / (high - low), high / (high - low)
-    p = np.concatenate(visible.seen) @ full[:2, :3].T + full[:2, 3]
+    p = visible.points @ full[:2, :3].T + full[:2, 3]
     zoom, size = _tile(np.clip(p.min(axis=0), -1, 1), np.clip(p.max(axis=0), -1, 1))
     slopes = np.zeros((3, 4))
     slopes[:2, :3], slopes[2, :3] = rotation[:2] * half * size / (high - low), rotation[2]

@@ -51,11 +51,15 @@ class ShadowMaps:
         self._spare: list[_Map] = []
         self._bytes = 0  # of the kept ones
 
-    def frusta(self, sample: Sample, visible: Visible) -> list[Frustum | None]:
-        """One or six frusta (None where nothing that is seen lies in a face), relative to the bodies' origin."""
+    def frusta(self, sample: Sample, visible: Visible, whole: bool) -> list[Frustum | None]:
+        """One or six frusta (None where nothing that is seen lies in a face), relative to the bodies' origin.
+        ``whole``: also where the lamp's own cone lets no light through."""
         if sample.place is None:
             return [parallel_frustum(sample.direction, visible)]
         axis, cosine = cone_to(sample.place, visible.bounds)
+        beam = np.cos(min(sample.light.cone_angle, np.pi))
+        if beam > max(cosine, WIDEST) and not whole:
+            axis, cosine = -sample.light.world_from_light[:3, 2], beam
         if cosine > WIDEST:
             tangent = 1.02 * np.sqrt(1 - cosine**2) / cosine + 2 * self._parallax(sample, visible)
             return [place_frustum(shadow_place(sample, axis), around(axis), tangent, visible)]

@@ -103,7 +103,7 @@ def test_a_facet_does_not_shade_itself(rasterizer, make):
         assert (lit[on_ball] > 0.999).mean() > 0.997
         hidden = (
             (image.passes["object_id"] == 0)
-            & (np.linalg.norm(a - along[..., None] * to, axis=-1) < 0.192)
+            & (np.linalg.norm(a - along[..., None] * to, axis=-1) < 0.188)
             & (along < 0)
         )
         assert (lit[hidden] == 0).mean() > 0.997  # a texel is long where light grazes
