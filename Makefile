@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PACKAGES := libegl1 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libxfixes3 libxxf86vm1
 LIBRARIES := libEGL.so.1 libGL.so.1 libXrender.so.1 libXi.so.6 libxkbcommon.so.0 libSM.so.6 libXfixes.so.3 libXxf86vm.so.1
 
-.PHONY: demo test lint format bench clean setup system
+.PHONY: demo test lint format bench truth clean setup system
 
 demo: setup
 	$(BIN)/brightfield demo --out out/demo
@@ -27,7 +27,11 @@ format: setup
 	$(BIN)/ruff format .
 
 bench: setup $(VENV)/.bench
-	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for name in rasterizer cycles per_light; do echo "== $$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
+
+# the figures of docs/truth.md; some ten minutes
+truth: setup
+	$(BIN)/python -m benchmarks.truth --out docs/truth.md
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -153,8 +153,8 @@ def _page(pairs: list[Pair], scene_file: Path) -> str:
     intro = (
         "A STEP workpiece in a fixture under a ring of twelve LEDs and a bar light, seen by two cameras. Aluminium and "
         "anodised fixture have Lafortune reflectance. The scene is plain USD; the rasteriser shows direct light, the "
-        "path tracer all of it, so their difference is what the surfaces send to each other. Reflected light is denoised "
-        "(Open Image Denoise); light straight from the lamps needs no denoising."
+        "path tracer all of it, so their difference is what the surfaces send to each other. Reflected light is "
+        "denoised (Open Image Denoise); light straight from the lamps needs no denoising."
     )
     return template.substitute(intro=intro, figures=figures, table=table, files=files)
 
