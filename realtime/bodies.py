@@ -14,8 +14,9 @@ from interchange.scene import Body
 from realtime.materials import MaterialTable
 from realtime.uploads import VERTEX_FORMAT, VERTEX_NAMES, Geometry, Uploads
 
-INSTANCE_FORMAT = "4f 4f 4f 3f 3f 3f 2f /i"
-INSTANCE_NAMES = ("world_x", "world_y", "world_z", "normal_x", "normal_y", "normal_z", "ids")
+INSTANCE_FORMAT = "4f 4f 4f 3f 3f 3f 1f /i"
+INSTANCE_NAMES = ("world_x", "world_y", "world_z", "normal_x", "normal_y", "normal_z", "number")
+LOOKUP_WIDTH = 4096  # bodies a row of the lookup
 
 
 @dataclass(eq=False)
@@ -63,6 +64,7 @@ class Bodies:
         self.centres = np.zeros((0, 3))  # world, of each body's bounding sphere
         self.radii = np.zeros(0)
         self.shape = 0  # counts changes of what casts shadows
+        self.lookup: moderngl.Texture | None = None  # by body: row and group of its material
 
     def update(self, bodies: tuple[Body, ...]) -> None:
         """Bring the GPU to these bodies; what is the same object as before is not uploaded again."""
@@ -103,7 +105,7 @@ class Bodies:
 
     def _regroup(self, bodies: tuple[Body, ...], geometries: list[Geometry]) -> None:
         members: dict[tuple[int, int, bool], list[int]] = {}
-        rows = np.zeros((len(bodies), 23), np.float32)
+        rows = np.zeros((len(bodies), 22), np.float32)
         for i, body in enumerate(bodies):
             M = body.world_from_body
             linear = M[:3, :3]
@@ -120,11 +122,12 @@ class Bodies:
             )
             scale = np.sign(det or 1.0) / max(float(np.abs(cofactors).max()), 1e-300)
             rows[i, :12], rows[i, 12:21] = affine.ravel(), (cofactors * scale).ravel()
-            rows[i, 21:] = i, self.table.rows[id(body.material)]
+            rows[i, 21] = i
             if len(body.mesh.faces):
                 members.setdefault((id(body.mesh), id(body.material), bool(det < 0)), []).append(i)
         before = {(id(g.geometry.mesh), id(g.material), g.mirrored): g for g in self.groups}
         self.groups = []
+        self._write_lookup(bodies)
         for key, indices in members.items():
             content = rows[indices].tobytes()
             group = before.pop(key, None)
@@ -147,6 +150,18 @@ class Bodies:
             self.groups.append(group)
         for group in before.values():
             group.release()
+
+    def _write_lookup(self, bodies: tuple[Body, ...]) -> None:
+        height = max(-(-len(bodies) // LOOKUP_WIDTH), 1)
+        numbers = np.zeros((height * LOOKUP_WIDTH, 2), np.float32)
+        for i, body in enumerate(bodies):
+            numbers[i] = self.table.place[id(body.material)]
+        if self.lookup is None or self.lookup.height != height:
+            if self.lookup is not None:
+                self.lookup.release()
+            self.lookup = self.context.texture((LOOKUP_WIDTH, height), 2, dtype="f4")
+            self.lookup.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.lookup.write(numbers.tobytes())
 
     def visible(self, clip_from_world: np.ndarray) -> list[bool]:
         """For each group, whether any of its bodies' spheres reaches into the frustum (relative to ``origin``)."""
@@ -172,6 +187,9 @@ class Bodies:
         for group in self.groups:
             group.release()
         self.groups, self.bodies = [], ()
+        if self.lookup is not None:
+            self.lookup.release()
+            self.lookup = None
 
 
 def _textures(material: Material) -> list[Texture]:

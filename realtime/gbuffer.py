@@ -17,8 +17,8 @@ NOTHING = -1.0  # the body's number where no surface is
 
 @dataclass(eq=False)
 class GBuffer:
-    """Float textures of one size. ``plane``: 1/Z (Z if telecentric), its slopes, body; ``frame``: octahedral normal,
-    the tangent's direction, material row; ``coordinates``: u, v; ``slopes``: of u/Z and v/Z along the window."""
+    """Float textures of one size. ``plane``: 1/Z (Z if telecentric), its slopes, body; ``frame``: shading normal,
+    the tangent's direction; ``coordinates``: u, v; ``slopes``: of u/Z and v/Z along the window."""
 
     size: tuple[int, int]
     plane: moderngl.Texture
@@ -59,9 +59,10 @@ class GBufferStage:
         self.context, self.uploads, self.programs, self.bodies = context, uploads, programs, bodies
         self._buffer: GBuffer | None = None
 
-    def draw(self, view: View, uv: bool, slopes: bool, index: int, threshold: float = 0.0) -> GBuffer:
+    def draw(self, view: View, slopes: bool, index: int, threshold: float = 0.0) -> GBuffer:
         """Draw the bodies. ``index``: the sample's number, by which surfaces let rays through; ``threshold`` > 0
         makes that a cut-out instead."""
+        uv = self.bodies.table.textured
         buffer = self._fitting(view.size, uv, slopes)
         context = self.context
         context.disable(moderngl.BLEND)
@@ -85,8 +86,6 @@ class GBufferStage:
                 program,
                 clip_from_world=tuple(matrix.T.ravel()),
                 eye_z=tuple(eye_z),
-                world_from_eye=tuple(view.world_from_eye[:3, :3].T.ravel()),
-                pinhole=(*view.focal, *view.centre),
             )
             if group.material.normal_map is not None:
                 bind(program, "normal_map", self.uploads, group.material.normal_map, 14)
@@ -106,9 +105,12 @@ class GBufferStage:
     def _program(self, group: Group, telecentric: bool, uv: bool, slopes: bool) -> moderngl.Program:
         material = group.material
         holes = group.lets_light_through
+        turns = self.bodies.table.turns or material.normal_map is not None
         head = defines(
             {
                 "TELECENTRIC": telecentric,
+                "TANGENT": turns,
+                "ST": uv or holes or material.normal_map is not None,
                 "UV": uv,
                 "SLOPES": slopes,
                 "NORMAL_MAP": material.normal_map is not None,
@@ -122,7 +124,8 @@ class GBufferStage:
             if there is not None
         )
         return self.programs.get(
-            [text("gbuffer_vertex.glsl")], [head, text("common.glsl"), maps, text("gbuffer_fragment.glsl")]
+            [head, text("gbuffer_vertex.glsl")],
+            [head, text("common.glsl"), maps, text("gbuffer_fragment.glsl")],
         )
 
     def _fitting(self, size: tuple[int, int], uv: bool, slopes: bool) -> GBuffer:

@@ -8,11 +8,12 @@ import numpy as np
 
 from interchange.light import Light
 from realtime import materials, visible_lamps
+from realtime.bodies import Bodies
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
 from realtime.lamps import MAPS, POWER, Sample, is_shaped
 from realtime.lens import Lensmap
-from realtime.materials import Group, MaterialTable
+from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
 from realtime.shadow_fit import Frustum
 from realtime.shadow_maps import bind
@@ -27,7 +28,7 @@ UNITS = {
     "g_slopes": 3,
     "lens": 4,
     "materials": 5,
-    "groups": 6,
+    "bodies": 6,
     "samples": 0,
 }
 SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 7, 11, 16
@@ -91,15 +92,15 @@ class LightingStage:
     """``begin`` a pass, ``add`` light to it, ``resolve`` it into an image; the last two as often as wanted."""
 
     def __init__(
-        self, context: moderngl.Context, uploads: Uploads, programs: Programs, table: MaterialTable
+        self, context: moderngl.Context, uploads: Uploads, programs: Programs, bodies: Bodies
     ) -> None:
-        self.context, self.uploads, self.programs, self.table = context, uploads, programs, table
+        self.context, self.uploads, self.programs, self.bodies = context, uploads, programs, bodies
+        self.table = bodies.table
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._by_key: dict[tuple[object, ...], moderngl.Program] = {}
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
         self._kept: Samples | None = None
-        self._groups: moderngl.Texture | None = None
 
     def begin(self, buffer: GBuffer, drawn: Pass) -> None:
         """Take up a pass: sort its samples by material group."""
@@ -112,10 +113,8 @@ class LightingStage:
         self._samples = self._fitting(size)
         for unit, texture in enumerate(buffer.textures):
             texture.use(unit)
-        depths = np.zeros(max(len(self.table.materials), 1), np.float32)
-        for number, group in enumerate(self.table.groups):
-            depths[group.first : group.last] = _depth(number)
-        self._groups_texture(depths).use(UNITS["groups"])
+        if self.bodies.lookup is not None:
+            self.bodies.lookup.use(UNITS["bodies"])
         context, samples = self.context, self._samples
         samples.framebuffer.use()
         samples.framebuffer.depth_mask = True
@@ -170,6 +169,8 @@ class LightingStage:
                 emitting=float(not chunk),
             )
             if not lit:
+                if group.alone:
+                    materials.put_numbers(program, group, self.table)
                 for i, (name, record) in enumerate(sorted(group.textures.items())):
                     bind(program, name, self.uploads, record, MAP_UNIT + i)
             self._draw(program, 0.0 if lit else _depth(number))
@@ -221,15 +222,6 @@ class LightingStage:
             self._kept = Samples(color, depth, self.context.framebuffer([color], depth))
         return self._kept
 
-    def _groups_texture(self, depths: np.ndarray) -> moderngl.Texture:
-        if self._groups is None or self._groups.width != len(depths):
-            if self._groups is not None:
-                self._groups.release()
-            self._groups = self.context.texture((len(depths), 1), 1, dtype="f4")
-            self._groups.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._groups.write(depths.tobytes())
-        return self._groups
-
     def _bind(self, chunk: list[Lit], maps: list[moderngl.Texture]) -> None:
         if not chunk:
             return
@@ -272,7 +264,8 @@ class LightingStage:
                 "SHAPED": shaped,
                 "FOCUSED": focused,
                 "PROFILED": profiled,
-                "ISOTROPIC": group.brdf.isotropic and not fragment,
+                "ISOTROPIC": group.isotropic,
+                "ALONE": group.alone,
                 "TELECENTRIC": drawn.view.telecentric,
                 "UV": uv,
                 "LENS": drawn.lensmap is not None,
@@ -329,8 +322,6 @@ class LightingStage:
             self._lens[1].release()
         if self._kept is not None:
             self._kept.release()
-        if self._groups is not None:
-            self._groups.release()
 
 
 def _depth(number: int) -> float:

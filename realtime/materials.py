@@ -6,6 +6,7 @@ a GLSL fragment, is a group by itself.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import moderngl
 import numpy as np
@@ -25,6 +26,12 @@ class Group:
     last: int
     brdf: Brdf
     material: Material | None
+    isotropic: bool  # no member changes when the surface turns about its normal
+
+    @property
+    def alone(self) -> bool:
+        """Whether the group has a single row, whose numbers are then uniforms."""
+        return self.last - self.first == 1
 
     @property
     def textures(self) -> dict[str, Texture]:
@@ -40,11 +47,12 @@ class Group:
     def key(self) -> tuple[object, ...]:
         """What decides the program's text."""
         own = self.material
+        common = (*shader.structure(self.brdf), self.isotropic, self.alone)
         if own is None:
-            return shader.structure(self.brdf)
+            return common
         maps = tuple((name, t.pixels.shape[2]) for name, t in sorted(own.maps.items()))
         glow = own.emission_map.pixels.shape[2] if own.emission_map is not None else 0
-        return (*shader.structure(self.brdf), maps, glow, own.glsl)
+        return (*common, maps, glow, own.glsl)
 
 
 class MaterialTable:
@@ -52,7 +60,8 @@ class MaterialTable:
         self.context, self.uploads = context, uploads
         self.materials: tuple[Material, ...] = ()
         self.groups: tuple[Group, ...] = ()
-        self.rows: dict[int, int] = {}
+        self.place: dict[int, tuple[int, int]] = {}  # of a material: row and number of its group
+        self.numbers = np.zeros((1, 1, 4), np.float32)
         self.texture: moderngl.Texture | None = None
 
     def update(self, materials: tuple[Material, ...]) -> bool:
@@ -71,15 +80,24 @@ class MaterialTable:
         groups: list[Group] = []
         for row, material in enumerate(ordered):
             last = groups[-1] if groups else None
+            free = not material.glsl and is_isotropic(material.brdf)
             if _stands_alone(material):
-                groups.append(Group(row, row + 1, material.brdf, material))
-            elif last and last.material is None and last.key == shader.structure(material.brdf):
-                groups[-1] = Group(last.first, row + 1, last.brdf, None)
+                groups.append(Group(row, row + 1, material.brdf, material, free))
+            elif (
+                last
+                and last.material is None
+                and shader.structure(last.brdf) == shader.structure(material.brdf)
+            ):
+                groups[-1] = Group(last.first, row + 1, last.brdf, None, last.isotropic and free)
             else:
-                groups.append(Group(row, row + 1, material.brdf, None))
-        rows = {id(material): row for row, material in enumerate(ordered)}
-        moved = list(rows.values()) != [self.rows.get(i) for i in rows]
-        self.materials, self.groups, self.rows = materials, tuple(groups), rows
+                groups.append(Group(row, row + 1, material.brdf, None, free))
+        place = {
+            id(material): (row, number)
+            for number, group in enumerate(groups)
+            for row, material in enumerate(ordered[group.first : group.last], group.first)
+        }
+        moved = list(place.values()) != [self.place.get(i) for i in place]
+        self.materials, self.groups, self.place = materials, tuple(groups), place
         self._write(ordered)
         return moved
 
@@ -91,6 +109,11 @@ class MaterialTable:
     def textured(self) -> bool:
         """Whether any material must know where on the surface a point lies."""
         return any(_stands_alone(m) for m in self.materials)
+
+    @property
+    def turns(self) -> bool:
+        """Whether any material must know its tangent."""
+        return not all(g.isotropic for g in self.groups)
 
     def _write(self, ordered: list[Material]) -> None:
         width = 1 + max((-(-len(m.brdf.flat()) // 4) for m in ordered), default=0)
@@ -106,6 +129,7 @@ class MaterialTable:
             self.texture = self.context.texture(size, 4, dtype="f4")
             self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.texture.write(table.tobytes())
+        self.numbers = table
         self.uploads.counts["materials"] += 1
 
     def release(self) -> None:
@@ -116,6 +140,24 @@ class MaterialTable:
 
 def _stands_alone(material: Material) -> bool:
     return bool(material.maps or material.emission_map is not None or material.glsl)
+
+
+@lru_cache(maxsize=1024)
+def is_isotropic(brdf: Brdf) -> bool:
+    """Whether turning both directions about the normal changes nothing: declared by the model, or found for these
+    parameters (Lafortune with Cx = Cy) by trying it, which no formula of a model passes by accident."""
+    if type(brdf).isotropic:
+        return True
+    rng = np.random.default_rng(0)
+    z, phi, turn = rng.uniform(0.05, 1, (2, 64)), rng.uniform(0, 2 * np.pi, (2, 64)), rng.uniform(0, 6, 64)
+
+    def value(angle: np.ndarray) -> np.ndarray:
+        s = np.sqrt(1 - z**2)
+        wi, wo = np.stack([s * np.cos(angle), s * np.sin(angle), z], -1)
+        return brdf.evaluate(wi, wo)
+
+    still, turned = value(phi), value(phi + turn)
+    return bool(np.allclose(still, turned, rtol=1e-9, atol=1e-12 * float(np.abs(still).max())))
 
 
 def check(material: Material) -> None:
@@ -139,14 +181,20 @@ def check(material: Material) -> None:
 def source(group: Group) -> str:
     """GLSL: ``material(row, uv, p, emission)``, and ``model(wi, wo, p)`` or the material's own ``brdf(wi, wo, uv)``."""
     count = len(group.brdf.flat())
+
+    def row(i: int) -> str:
+        return f"numbers[{i}]" if group.alone else f"texelFetch(materials, ivec2({i}, row), 0)"
+
     lines = [f"void material(int row, vec2 st, out float p[{max(count, 1)}], out vec3 emission)", "{"]
-    lines.append("    vec4 q = texelFetch(materials, ivec2(0, row), 0);")
+    if group.alone:
+        lines.insert(0, f"uniform vec4 numbers[{1 + -(-count // 4)}];")
+    lines.append(f"    vec4 q = {row(0)};")
     lines.append("    emission = q.rgb;")
     if count == 0:
         lines.append("    p[0] = 0.0;")
     for i in range(count):
         if i % 4 == 0:
-            lines.append(f"    q = texelFetch(materials, ivec2({1 + i // 4}, row), 0);")
+            lines.append(f"    q = {row(1 + i // 4)};")
         lines.append(f"    p[{i}] = q.{'xyzw'[i % 4]};")
     head: list[str] = []
     slots = group.brdf.slots()
@@ -168,3 +216,11 @@ def source(group: Group) -> str:
         else f"{shader.GLSL.power}\n{shader.function(group.brdf, shader.GLSL, 'model')}"
     )
     return "\n".join([*head, *lines, "}", body])
+
+
+def put_numbers(program: moderngl.Program, group: Group, table: MaterialTable) -> None:
+    """The uniforms of a group of one row."""
+    if "numbers" in program:
+        uniform = program["numbers"]
+        assert isinstance(uniform, moderngl.Uniform)
+        uniform.write(table.numbers[group.first, : uniform.array_length].tobytes())

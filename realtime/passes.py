@@ -59,19 +59,28 @@ def centre(
         z = q if view.telecentric else 1 / q
         xy = d if view.telecentric else d * z[..., None]
         position = apply(view.world_from_eye, np.concatenate([xy, z[..., None]], axis=-1)) + origin
+        normal = _towards_eye(frame[..., :3].astype(np.float64), plane, q, d, view)
     return Centre(
         body=np.where(found, plane[..., 3], -1).astype(np.int32),
         depth=np.where(found, z, np.inf),
         position=np.where(found[..., None], position, np.nan),
-        normal=np.where(found[..., None], _from_octahedral(frame[..., :2].astype(np.float64)), np.nan),
+        normal=np.where(found[..., None], normal, np.nan),
     )
 
 
-def _from_octahedral(code: np.ndarray) -> np.ndarray:
-    x, y = code[..., 0], code[..., 1]
-    z = 1 - np.abs(x) - np.abs(y)
-    sx, sy = np.where(x >= 0, 1.0, -1.0), np.where(y >= 0, 1.0, -1.0)
-    n = np.stack([np.where(z < 0, (1 - np.abs(y)) * sx, x), np.where(z < 0, (1 - np.abs(x)) * sy, y), z], -1)
+def _towards_eye(n: np.ndarray, plane: np.ndarray, q: np.ndarray, d: np.ndarray, view: View) -> np.ndarray:
+    """The shading normals (H, W, 3) on the side that is seen, as shaders/lighting_fragment.glsl turns them."""
+    g = plane[..., 1:3] * view.focal
+    if view.telecentric:
+        facet = np.concatenate([g, np.full_like(q, -1.0)[..., None]], axis=-1)
+        ray = np.broadcast_to([0.0, 0.0, 1.0], n.shape)
+    else:
+        facet = np.concatenate([-g, ((g * d).sum(axis=-1) - q)[..., None]], axis=-1)
+        ray = np.concatenate([d, np.ones_like(q)[..., None]], axis=-1)
+    R = view.world_from_eye[:3, :3]
+    n = np.where(((facet @ R.T) * n).sum(axis=-1, keepdims=True) < 0, -n, n)
+    to_eye = -(ray / np.linalg.norm(ray, axis=-1, keepdims=True)) @ R.T
+    n = n + np.maximum(1e-3 - (n * to_eye).sum(axis=-1, keepdims=True), 0) * to_eye
     return n / np.linalg.norm(n, axis=-1, keepdims=True)
 
 

@@ -38,7 +38,7 @@ class Stages:
             bodies,
             ShadowMaps(context, uploads, programs, bodies),
             GBufferStage(context, uploads, programs, bodies),
-            LightingStage(context, uploads, programs, table),
+            LightingStage(context, uploads, programs, bodies),
             Targets(context),
         )
 

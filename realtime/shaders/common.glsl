@@ -1,21 +1,5 @@
 // Codes and frames that more than one shader needs.
 
-vec2 octahedral(vec3 n)
-{
-    // Meyer et al.: On floating-point normal vectors. 2010.
-    vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
-    vec2 s = vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
-    return n.z < 0.0 ? (1.0 - abs(p.yx)) * s : p;
-}
-
-vec3 from_octahedral(vec2 p)
-{
-    vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
-    vec2 s = vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
-    if (n.z < 0.0) n.xy = (1.0 - abs(n.yx)) * s;
-    return normalize(n);
-}
-
 // A direction of the plane as one number in [-2, 2], without an angle's trigonometry.
 float diamond(vec2 v)
 {

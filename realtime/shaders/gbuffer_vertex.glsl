@@ -1,29 +1,41 @@
 // Bodies into the view: positions by the body's transform, normals by its inverse transpose.
 in vec3 position;
 in vec3 normal;
+#ifdef TANGENT
 in vec4 tangent;  // w: handedness of the texture
+out vec4 t;
+#endif
+#ifdef ST
 in vec2 uv;
+out vec2 st;
+#endif
 in vec4 world_x, world_y, world_z;     // rows of world_from_body
 in vec3 normal_x, normal_y, normal_z;  // rows of its inverse transpose
-in vec2 ids;                           // body, material row
+in float number;                       // of the body
 
 uniform mat4 clip_from_world;
+#ifdef TELECENTRIC
 uniform vec4 eye_z;  // row of eye_from_world that gives the depth
+out float z;
+#endif
 
 out vec3 n;
-out vec4 t;
-out vec2 st;
-out float z;
-flat out vec2 id;
+flat out float body;
 
 void main()
 {
     vec4 p = vec4(position, 1.0);
     vec4 w = vec4(dot(world_x, p), dot(world_y, p), dot(world_z, p), 1.0);
     n = vec3(dot(normal_x, normal), dot(normal_y, normal), dot(normal_z, normal));
+#ifdef TANGENT
     t = vec4(dot(world_x.xyz, tangent.xyz), dot(world_y.xyz, tangent.xyz), dot(world_z.xyz, tangent.xyz), tangent.w);
+#endif
+#ifdef ST
     st = uv;
+#endif
+#ifdef TELECENTRIC
     z = dot(eye_z, w);
-    id = ids;
+#endif
+    body = number;
     gl_Position = clip_from_world * w;
 }

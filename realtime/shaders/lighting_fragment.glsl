@@ -2,6 +2,7 @@
 // LIT: instead of radiance, (share of the lamps' points that are seen, points that face the surface).
 uniform sampler2D g_plane;
 uniform sampler2D g_frame;
+uniform sampler2D bodies;  // by body: material row, group
 #ifdef UV
 uniform sampler2D g_coordinates;
 #ifdef LENS
@@ -64,13 +65,18 @@ void main()
     vec3 p = (world_from_eye * vec4(ray, 1.0)).xyz;
     vec3 view = -(mat3(world_from_eye) * eye_ray);
     vec3 facet = mat3(world_from_eye) * facet_normal(q, plane.yz, s.d, pinhole.xy);
-    vec3 normal = from_octahedral(frame.xy), tangent, bitangent;
+    vec3 normal = dot(frame.xyz, facet) < 0.0 ? -frame.xyz : frame.xyz, tangent, bitangent;
+    // an interpolated normal may turn away from the eye at a silhouette, where the surface itself does not
+    float cosine = dot(normal, view);
+    normal = cosine < 1e-3 ? normalize(normal + (1e-3 - cosine) * view) : normal;
+#ifdef ISOTROPIC
     basis(normal, tangent, bitangent);
-#ifndef ISOTROPIC
-    vec2 turn = from_diamond(frame.z);
-    vec3 b1 = tangent;
-    tangent = turn.x * b1 + turn.y * bitangent;
-    bitangent = turn.x * bitangent - turn.y * b1;
+#else
+    basis(frame.xyz, tangent, bitangent);
+    vec2 turn = from_diamond(frame.w);
+    tangent = turn.x * tangent + turn.y * bitangent;
+    tangent = normalize(tangent - dot(tangent, normal) * normal);
+    bitangent = cross(normal, tangent);
 #endif
 #ifdef UV
     vec2 st = texelFetch(g_coordinates, s.texel, 0).xy;
@@ -93,7 +99,12 @@ void main()
         vec3(dot(view, tangent), dot(view, bitangent), dot(view, normal)), st);
 #ifndef LIT
     vec3 emission;
-    material(int(frame.w), st, values, emission);
+#ifdef ALONE
+    const int row = 0;
+#else
+    int row = int(texelFetch(bodies, ivec2(int(plane.w) & 4095, int(plane.w) >> 12), 0).x);
+#endif
+    material(row, st, values, emission);
     total = emitting * emission;
 #endif
     // one call a lamp, written out: a loop would index samplers and records at run time

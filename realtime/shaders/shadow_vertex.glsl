@@ -4,7 +4,7 @@ in vec4 world_x, world_y, world_z;
 uniform mat4 clip_from_world;
 #ifdef OPACITY
 in vec2 uv;
-in vec2 ids;
+in float number;
 out vec2 st;
 flat out float body;
 #endif
@@ -15,6 +15,6 @@ void main()
     gl_Position = clip_from_world * vec4(dot(world_x, p), dot(world_y, p), dot(world_z, p), 1.0);
 #ifdef OPACITY
     st = uv;
-    body = ids.x;
+    body = number;
 #endif
 }

@@ -1,7 +1,6 @@
 // Which material group each sample belongs to, as a depth, so that a group's program runs on its own samples only.
 uniform sampler2D g_plane;
-uniform sampler2D g_frame;
-uniform sampler2D groups;  // by material row: the group's depth
+uniform sampler2D bodies;  // by body: material row, group
 
 layout(location = 0) out vec4 radiance;
 
@@ -12,5 +11,5 @@ void main()
     float body = texelFetch(g_plane, s.texel, 0).w;
     if (body < 0.0) discard;
     radiance = vec4(0.0);
-    gl_FragDepth = texelFetch(groups, ivec2(int(texelFetch(g_frame, s.texel, 0).w), 0), 0).x;
+    gl_FragDepth = (texelFetch(bodies, ivec2(int(body) & 4095, int(body) >> 12), 0).y + 1.0) / 65536.0;
 }
