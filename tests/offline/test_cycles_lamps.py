@@ -1,6 +1,8 @@
 """Every kind of lamp over a matte plane, against closed forms. A spot is averaged over 576 pixels of 16 samples with 4
 shadow rays each (36 864): what remains of the noise is below 0.1 % where the tolerance is 0.3 %."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,7 +84,9 @@ def test_cylinder_against_quadrature(cycles, build, radius, length):
     d2 = np.sum(x * x, axis=-1)
     seen = np.maximum(-np.sum(n * x, axis=-1), 0) * np.maximum(x[..., 2], 0) / d2**2
     E = light.radiance * seen.mean() * 2 * np.pi * radius * length
-    assert irradiance(cycles, build, light, build.spot()) == pytest.approx(E, rel=3e-3)
+    # half of the points drawn on a cylinder are behind it: 16 samples have a standard error of 2e-3, 128 of 7e-4
+    settings = replace(DIRECT, samples=128)
+    assert irradiance(cycles, build, light, build.spot(), settings) == pytest.approx(E, rel=3e-3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.00925, 0.5])
