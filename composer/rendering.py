@@ -1,8 +1,7 @@
-"""Rendering from the command line: which files a run makes, the real-time loop, and what is written beside a frame."""
+"""The real-time loop of the command line: every camera at every time code, finished frames skipped."""
 
 import hashlib
 import json
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,10 +10,9 @@ from pathlib import Path
 from interchange.camera import Camera
 from interchange.formats import exr
 from interchange.formats.document import Document
-from interchange.formats.images import to_display, write_png
-from interchange.image import Image
+from interchange.image import check_passes
 from interchange.problems import BrightfieldError
-from realtime.renderers.rasterizer import Rasterizer
+from realtime.renderers.rasterizer import GIVES, Rasterizer
 
 Told = Callable[[int, int, float | None], None]  # done, total, seconds left
 
@@ -30,7 +28,13 @@ def render_live(
     width: int,
     told: Told,
 ) -> list[Path]:
-    """Rasterise every camera at every time code; frames that are there, of this very job, are skipped."""
+    """Rasterise every camera at every time code; frames that are there, of this very job, are skipped.
+
+    Pass ``all`` stands for every pass that a rasteriser has, but one image a lamp.
+    """
+    if "all" in passes:
+        passes = [p for p in GIVES if p != "light"]
+    check_passes(list(passes))
     rasterizer = Rasterizer()
     total, done, made, began = len(cameras) * len(times), 0, [], time.monotonic()
     told(0, total, None)
@@ -42,6 +46,7 @@ def render_live(
             key = hashlib.sha256(json.dumps(job).encode()).hexdigest()
             done += 1
             if is_finished(out, key):
+                told(done, total, None)
                 continue
             scene = scene or document.scene(time_code)
             after = document.scene(following(times, k)) if "motion" in passes else None
@@ -58,7 +63,6 @@ def render_live(
             made.append(out)
             spent = time.monotonic() - began
             told(done, total, spent / len(made) * (total - done))
-    told(total, total, 0.0)
     return made
 
 
@@ -76,41 +80,3 @@ def is_finished(file: Path, key: str) -> bool:
         return bool(exr.read(file).made_by.get("job") == key)
     except BrightfieldError:
         return False  # a file that cannot be read is not a finished frame
-
-
-def split_lamps(file: Path) -> list[Path]:
-    """Write each lamp's layer of a frame as an image of its own: ``frame.Led00.exr`` beside ``frame.exr``."""
-    image = exr.read(file)
-    written = []
-    for name, pixels in image.passes.items():
-        if name.startswith("light:"):
-            lamp = name.removeprefix("light:").rsplit("/", 1)[-1]
-            out = file.with_suffix(f".{lamp}.exr")
-            exr.write(out, Image(pixels, image.quantity, image.camera, {**image.made_by, "light": name}))
-            written.append(out)
-    return written
-
-
-def write_preview(file: Path) -> Path:
-    """A PNG beside a frame, for looking at."""
-    out = file.with_suffix(".png")
-    write_png(out, to_display(exr.read(file).pixels))
-    return out
-
-
-def progress_line(done: int, total: int, left: float | None, failed: int = 0) -> None:
-    """One line that is rewritten on a terminal, and a line a frame elsewhere."""
-    if total < 2:
-        return
-    rest = "" if left is None else f", {duration(left)} left"
-    text = f"{done}/{total} frames{f', {failed} failed' if failed else ''}{rest}"
-    if sys.stderr.isatty():
-        print(f"\r{text:60}", end="\n" if done + failed >= total else "", file=sys.stderr, flush=True)
-    else:
-        print(text, file=sys.stderr, flush=True)
-
-
-def duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -58,7 +58,7 @@ class Scene:
         for camera in self.cameras:
             if name in (camera.name, camera.name.rsplit("/", 1)[-1]):
                 return camera
-        hint = did_you_mean(name, [c.name for c in self.cameras])
+        hint = did_you_mean(name, [n for c in self.cameras for n in (c.name, c.name.rsplit("/", 1)[-1])])
         raise BrightfieldError(
             f'No camera is called "{name}".{hint} There are {self._camera_list()}. ({self.source})'
         )

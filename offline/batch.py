@@ -105,7 +105,7 @@ def _results(
         cluster = None
         if scheduler is None:
             cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, processes=True, memory_limit=0, dashboard_address=None,
+                n_workers=count, threads_per_worker=1, processes=True, memory_limit=0, dashboard_address="127.0.0.1:0",
                 silence_logs=50,
             )  # fmt: skip
             jobs = [

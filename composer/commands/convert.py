@@ -26,5 +26,6 @@ def run(args: argparse.Namespace) -> int:
     for problem in problems:
         print(f"{problem.severity}: {problem}", file=sys.stderr)
     lost = [p for p in problems if p.severity is not Severity.NOTE]
-    print(f"{target} written; {len(lost) or 'nothing'} {'things were' if len(lost) > 1 else 'was'} lost.")
+    count = {0: "nothing was", 1: "one thing was"}.get(len(lost), f"{len(lost)} things were")
+    print(f"{target} written; {count} lost.")
     return 1 if args.strict and lost else 0

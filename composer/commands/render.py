@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from composer.beside import split_lamps, write_preview
 from composer.frames import choose_cameras, file_name, parse_frames
+from composer.progress import progress_line
 from composer.reading import add_reading_options, options_from
 from interchange.formats.document import open_scene
 from interchange.image import check_passes
@@ -77,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     if args.offline:
         failed = _offline(args, [c.name for c in cameras], times, name, passes)
     else:
-        from composer.rendering import progress_line, render_live
+        from composer.rendering import render_live
 
         render_live(
             document,
@@ -85,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
             times,
             name,
             args.samples or 16,
-            passes,
+            args.passes,
             args.per_light,
             args.width,
             progress_line,
@@ -103,7 +105,6 @@ def _offline(
     passes: tuple[str, ...],
 ) -> int:
     """Path-trace what is not finished yet; returns how many frames failed."""
-    from composer.rendering import progress_line
     from offline.batch import frame_jobs, run
     from offline.job import is_done, work
     from offline.settings import CyclesSettings
@@ -138,8 +139,6 @@ def _offline(
 
 
 def _beside(args: argparse.Namespace, files: list[Path]) -> None:
-    from composer.rendering import split_lamps, write_preview
-
     for file in files:
         if not file.is_file():
             continue  # failed, and told
