@@ -27,11 +27,11 @@ format: setup
 	$(BIN)/ruff format .
 
 bench: setup $(VENV)/.bench
-	@for name in rasterizer cycles per_light; do echo "== $$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
+	@for name in rasterizer cycles per_light; do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 # the figures of docs/truth.md; some ten minutes
 truth: setup
-	$(BIN)/python -m benchmarks.truth --out docs/truth.md
+	$(BIN)/python benchmarks/truth.py --out docs/truth.md
 
 clean:
 	rm -rf $(VENV) out build *.egg-info
