@@ -55,6 +55,10 @@ class FileError(BrightfieldError):
         return type(self), (self.problems,)
 
 
+def errors(problems: Iterable[Problem]) -> list[Problem]:
+    return [p for p in problems if p.severity is Severity.ERROR]
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`` Did you mean "Lafortune"?`` with a leading blank, or nothing where no known word is near."""
     near = get_close_matches(word, list(known), n=1, cutoff=0.6)

@@ -1,8 +1,6 @@
 """The one door to files: ``open_file`` for every kind, ``open_scene`` for scenes, ``Document.save`` out again."""
 
 import hashlib
-import os
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from interchange.catalogue import catalogue
 from interchange.formats.base import Format, Options
-from interchange.problems import FileError, Problem, Where, did_you_mean
+from interchange.problems import FileError, Problem, Where, did_you_mean, errors
 from interchange.scene import Scene
 
 if TYPE_CHECKING:
@@ -120,12 +118,3 @@ def open_scene(path: Path | str, options: Options = Options()) -> Document:  # n
         message = f"A scene was expected; this is {kind.name} ({kind.holds})."
         raise FileError(Problem(message, Where(str(path))))
     return kind.read(path, options)
-
-
-def errors(problems: Iterable[Problem]) -> list[Problem]:
-    return [p for p in problems if p.severity == "error"]
-
-
-def written_beside(path: Path) -> Path:
-    """A name in the same folder to write to before ``os.replace(name, path)``; keeps the extension."""
-    return path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")

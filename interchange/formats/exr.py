@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats.atomic import written_beside
 from interchange.formats.base import Format, Options
-from interchange.formats.document import written_beside
 from interchange.formats.exr_header import MAGIC, Header, read_header, size
 from interchange.formats.exr_pixels import read_channels
 from interchange.image import Image, Quantity

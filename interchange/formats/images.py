@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from interchange.formats import exr, png, tiff
+from interchange.formats.atomic import written_beside
 from interchange.formats.base import Format, Options
-from interchange.formats.document import written_beside
 from interchange.formats.isolation import isolated
 from interchange.formats.png import MAX_BYTES, DamagedImage, Decoded
 from interchange.problems import BrightfieldError, FileError, Problem, Where

@@ -6,8 +6,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from interchange.formats.atomic import written_beside
 from interchange.formats.base import Format, Options
-from interchange.formats.document import Document, written_beside
+from interchange.formats.document import Document
 from interchange.formats.isolation import isolated
 from interchange.problems import FileError, Problem, Severity, Where
 

@@ -10,7 +10,6 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera
-from interchange.formats.document import errors
 from interchange.formats.gprims import read_gprim
 from interchange.formats.usd_camera import read_camera
 from interchange.formats.usd_geometry import Part, read_mesh
@@ -21,7 +20,7 @@ from interchange.frames import z_up_from_y_up
 from interchange.light import Light, Profile
 from interchange.material import Material, Texture, Wrap
 from interchange.mesh import Mesh
-from interchange.problems import FileError, Problem
+from interchange.problems import FileError, Problem, errors
 from interchange.scene import Body, Scene
 
 MAX_FRAMES = 1_000_000

@@ -11,13 +11,13 @@ from typing import Any
 
 from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
+from interchange.formats.atomic import written_beside
 from interchange.formats.collada.extra import format_numbers, prim_element
 from interchange.formats.collada.write_geometry import Shape, Shapes
 from interchange.formats.collada.write_light import write_camera, write_light
 from interchange.formats.collada.write_material import UV, Surfaces
 from interchange.formats.collada.write_transform import write_transforms
 from interchange.formats.collada.xml_writer import Output, add, add_extra, add_kept_extras, add_name
-from interchange.formats.document import written_beside
 from interchange.formats.usd_read import SceneReader, frame_times
 from interchange.formats.usd_values import Finder, matrix
 from interchange.problems import FileError, Problem, Where
