@@ -63,7 +63,7 @@ def _document(document: Document) -> Description:
 
 
 def _scene(scene: Scene, stage: Any) -> Description:
-    low, high = 1000 * scene.bounds
+    low, high = np.round(1000 * scene.bounds, 6) + 0.0  # to a nanometre: less is rounding
     materials = {id(b.material): b.material for b in scene.bodies}
     return {
         "size_mm": list(high - low),
@@ -155,7 +155,7 @@ def _light(light: Light) -> Description:
         "intensity": list(light.intensity),
         "unit": INTENSITY_UNIT.get(light.kind, "W/sr"),
         "extent_mm": {name: 1000 * getattr(light, name) for name in sizes},
-        "position_mm": list(1000 * light.world_from_light[:3, 3]) if placed else None,
+        "position_mm": list(np.round(1000 * light.world_from_light[:3, 3], 6) + 0.0) if placed else None,
         "shaping": ", ".join(shaped),
     }
 
@@ -173,7 +173,7 @@ def _camera(camera: Camera) -> Description:
         found["field_of_view_mm"] = list(1000 * sides)
     found["pixel_pitch_um"] = [1e6 * px, 1e6 * py]
     found["f_number"] = lens.f_stop or "pinhole"
-    found["position_mm"] = list(1000 * camera.world_from_camera[:3, 3])
+    found["position_mm"] = list(np.round(1000 * camera.world_from_camera[:3, 3], 6) + 0.0)
     found["looks_along"] = list(camera.world_from_camera[:3, 2])
     if any(lens.distortion):
         found["distortion"] = list(lens.distortion)
