@@ -13,6 +13,7 @@ from interchange.problems import BrightfieldError
 VERSION = 410  # of GLSL and of the context; glClipControl (GL 4.5 or ARB_clip_control) on top
 LOWER_LEFT, ZERO_TO_ONE, NEGATIVE_ONE_TO_ONE = 0x8CA1, 0x935F, 0x935E
 TEXTURE_2D, DEPTH_COMPONENT, DEPTH_COMPONENT32F, FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
+DEPTH_STENCIL, DEPTH32F_STENCIL8, FLOAT_WITH_STENCIL = 0x84F9, 0x8CAD, 0x8DAD
 
 
 def headless_context() -> moderngl.Context:
@@ -26,7 +27,7 @@ def headless_context() -> moderngl.Context:
         ) from error
 
 
-def _function(name: bytes, *arguments: Any) -> Any:
+def gl_function(name: bytes, *arguments: Any) -> Any:
     """An OpenGL function of the current context that moderngl does not offer."""
     for library, loader in (("libEGL.so.1", "eglGetProcAddress"), ("libGL.so.1", "glXGetProcAddressARB")):
         try:
@@ -43,21 +44,27 @@ def _function(name: bytes, *arguments: Any) -> Any:
 
 @cache
 def _clip_control() -> Any:
-    return _function(b"glClipControl", ctypes.c_uint, ctypes.c_uint)
+    return gl_function(b"glClipControl", ctypes.c_uint, ctypes.c_uint)
 
 
 @cache
 def _texture_storage() -> tuple[Any, Any]:
     kinds = [ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p]
-    return _function(b"glBindTexture", ctypes.c_uint, ctypes.c_uint), _function(b"glTexImage2D", *kinds)
+    return gl_function(b"glBindTexture", ctypes.c_uint, ctypes.c_uint), gl_function(b"glTexImage2D", *kinds)
 
 
-def depth_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """A depth texture of 32-bit floats; moderngl's own has 24 fixed bits, too few where 1 is near and 0 is far."""
+def depth_texture(
+    context: moderngl.Context, size: tuple[int, int], stencil: bool = False
+) -> moderngl.Texture:
+    """A depth texture of 32-bit floats; moderngl's own has 24 fixed bits, too few where 1 is near and 0 is far.
+    ``stencil``: with eight bits for realtime.stencil."""
     texture = context.depth_texture(size)
     bind, allocate = _texture_storage()
     bind(TEXTURE_2D, texture.glo)
-    allocate(TEXTURE_2D, 0, DEPTH_COMPONENT32F, *size, 0, DEPTH_COMPONENT, FLOAT, None)
+    if stencil:
+        allocate(TEXTURE_2D, 0, DEPTH32F_STENCIL8, *size, 0, DEPTH_STENCIL, FLOAT_WITH_STENCIL, None)
+    else:
+        allocate(TEXTURE_2D, 0, DEPTH_COMPONENT32F, *size, 0, DEPTH_COMPONENT, FLOAT, None)
     texture.compare_func = ""
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     texture.repeat_x = texture.repeat_y = False

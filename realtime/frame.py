@@ -22,13 +22,22 @@ MIDDLE = np.zeros(2)
 
 
 class Frame:
-    def __init__(self, stages: Stages, scene: Scene, camera: Camera, samples: int, shadow_side: int) -> None:
+    def __init__(
+        self, stages: Stages, scene: Scene, camera: Camera, samples: int, shadow_side: int, once: bool
+    ) -> None:
         self.stages, self.scene, self.camera = stages, scene, camera
         self.lights = [light for light in scene.lights if light.is_on]
         self.size = camera.sensor.resolution
         self.lensmap = lensmap(camera)
         self.blurred = has_depth_of_field(camera)
         self.plan = schedule(samples, any(map(lamps.is_extended, self.lights)), self.blurred)
+        self.once = (
+            once
+            and self.plan.grid == 2
+            and self.lensmap is None
+            and not stages.table.textured
+            and not any(light.visible for light in scene.lights)
+        )
         self.origin = stages.bodies.origin
         fitted = 1 << int(np.ceil(np.log2(2 * max(self.size))))
         self.side = shadow_side or int(np.clip(fitted, LEAST, MOST))
@@ -40,7 +49,7 @@ class Frame:
     def radiance(self, alone: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The image (H, W, 3), and each lamp's own by its name if ``alone``."""
         plan, targets = self.plan, self.stages.targets
-        if plan.passes * plan.grid == 1 and not alone:
+        if plan.passes == 1 and (plan.grid == 1 or self.once) and not alone:
             return self._only_pass(), {}
         total = targets.get("total", self.size)
         own = {light.name: targets.get(f"light:{light.name}", self.size) for light in self.lights if alone}
@@ -49,11 +58,10 @@ class Frame:
             sampling.shuffled(sampling.disk(plan.passes), 0) if self.blurred else np.zeros((plan.passes, 2))
         )
         shifts = sampling.shuffled(sampling.square(plan.passes), 1) - 0.5
-        weight = 1.0 / (plan.passes * plan.grid**2)
+        weight = 1.0 / (plan.passes * (1 if self.once else plan.grid**2))
         for k in range(plan.passes):
             drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k])
-            buffer = self._gbuffer(drawn, k)
-            self.stages.lighting.begin(buffer, drawn)
+            self._begin(drawn, k)
             self._own_light()
             if alone:
                 self.stages.lighting.resolve(total.framebuffer, weight)
@@ -69,14 +77,21 @@ class Frame:
         return sum(images.values(), total.read()), images
 
     def _only_pass(self) -> np.ndarray:
-        """The image of a single sample a pixel, without a sum."""
+        """The image of a single pass whose samples are pixels, without a sum."""
         lighting = self.stages.lighting
-        drawn = self._pass(1, MIDDLE, MIDDLE)
-        lighting.begin(self._gbuffer(drawn, 0), drawn)
+        self._begin(self._pass(self.plan.grid, MIDDLE, MIDDLE), 0)
         self._own_light()
         for chunk in chunks(list(self._points_of_pass(0)), False):
             self._light(chunk, 0)
         return lighting.read()
+
+    def _begin(self, drawn: Pass, index: int) -> None:
+        buffer = self._gbuffer(drawn, index)
+        if self.once:
+            merged, whole = self.stages.merge.draw(buffer, drawn)
+            self.stages.lighting.begin_merged(merged, whole, buffer, drawn)
+        else:
+            self.stages.lighting.begin(buffer, drawn)
 
     def _own_light(self) -> None:
         """What shines into the camera by itself: lamps that it sees, and surfaces."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from realtime import stencil
 from realtime.bodies import Bodies, Group
 from realtime.context import depth_texture
 from realtime.programs import Programs, defines, put, text, texture_uniforms
@@ -47,9 +48,11 @@ def create(context: moderngl.Context, size: tuple[int, int], uv: bool, slopes: b
 
     plane, frame = target(), target()
     coordinates, along = target() if uv else None, target() if uv and slopes else None
-    depth = depth_texture(context, size)
+    depth = depth_texture(context, size, stencil=True)
     attachments = [t for t in (plane, frame, coordinates, along) if t is not None]
-    return GBuffer(size, plane, frame, coordinates, along, depth, context.framebuffer(attachments, depth))
+    return GBuffer(
+        size, plane, frame, coordinates, along, depth, stencil.framebuffer(context, attachments, depth)
+    )
 
 
 class GBufferStage:
@@ -70,6 +73,7 @@ class GBufferStage:
         context.depth_func = ">"
         buffer.framebuffer.use()
         buffer.framebuffer.clear(0.0, 0.0, 0.0, NOTHING, depth=0.0)
+        stencil.clear()
         matrix = view.clip_from_world
         eye_z = view.eye_from_world[2]
         for group, seen in zip(self.bodies.groups, self.bodies.visible(matrix), strict=True):
@@ -91,7 +95,9 @@ class GBufferStage:
                 bind(program, "normal_map", self.uploads, group.material.normal_map, 14)
             if group.lets_light_through:
                 set_opacity(program, group, self.uploads, index, threshold)
+            stencil.write(min(self.bodies.table.place[id(group.material)][1] + 1, 255))
             group.render(context, program)
+        stencil.off()
         context.disable(moderngl.CULL_FACE)
         return buffer
 

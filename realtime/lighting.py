@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import moderngl
 import numpy as np
 
 from interchange.light import Light
-from realtime import materials, visible_lamps
+from realtime import materials, stencil, visible_lamps
 from realtime.bodies import Bodies
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
@@ -21,6 +22,7 @@ from realtime.uploads import Uploads
 from realtime.view import View
 
 CHUNK = 4  # lamps a draw
+MIXED = 0.75  # depth of a pixel whose samples are lit one by one
 UNITS = {
     "g_plane": 0,
     "g_frame": 1,
@@ -74,18 +76,31 @@ class Pass:
     lensmap: Lensmap | None
 
 
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """What is lit together: all samples of a pass, or, with ``pick``, one of the 2 x 2 of each mixed pixel."""
+
+    buffer: GBuffer
+    drawn: Pass
+    pick: tuple[int, int] | None = None
+
+
 @dataclass(eq=False)
 class Samples:
-    """Radiance of every sample of one pass, and the group it belongs to, as a depth."""
+    """Radiance of every sample of one pass. ``depth`` says which group each belongs to: by its stencil, or as a
+    depth where ``sorts`` (it is then its own, unless another is given)."""
 
     color: moderngl.Texture
     depth: moderngl.Texture
     framebuffer: moderngl.Framebuffer
+    sorts: bool
+    own: bool
 
     def release(self) -> None:
         self.framebuffer.release()
         self.color.release()
-        self.depth.release()
+        if self.own:
+            self.depth.release()
 
 
 class LightingStage:
@@ -104,21 +119,24 @@ class LightingStage:
 
     def begin(self, buffer: GBuffer, drawn: Pass) -> None:
         """Take up a pass: sort its samples by material group."""
-        self._buffer, self._pass = buffer, drawn
+        self._layers = [Layer(buffer, drawn)]
         size = buffer.size
         if drawn.lensmap is not None:
             height, width = drawn.lensmap.d.shape[:2]
             size = ((width - 1) * drawn.grid, (height - 1) * drawn.grid)
             self._lens_texture(drawn.lensmap).use(UNITS["lens"])
-        self._samples = self._fitting(size)
+        sorts = drawn.lensmap is not None or len(self.table.groups) > stencil.MOST_GROUPS
+        self._samples = self._fitting(size, None if sorts else buffer.depth, sorts)
         for unit, texture in enumerate(buffer.textures):
             texture.use(unit)
         if self.bodies.lookup is not None:
             self.bodies.lookup.use(UNITS["bodies"])
         context, samples = self.context, self._samples
         samples.framebuffer.use()
-        samples.framebuffer.depth_mask = True
+        samples.framebuffer.depth_mask = sorts
         samples.framebuffer.clear(depth=0.0)
+        if not sorts:
+            return
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = "1"
@@ -127,54 +145,82 @@ class LightingStage:
             [text("screen_vertex.glsl")], [head, text("locate.glsl"), text("sort_fragment.glsl")]
         )
         put(program, **UNITS)
-        self._draw(program, 0.0)
+        self._draw(program, 0.0, drawn)
         samples.framebuffer.depth_mask = False
+
+    def begin_merged(self, merged: GBuffer, once: Pass, buffer: GBuffer, drawn: Pass) -> None:
+        """Take up a pass of which pixels of one smooth surface are lit once: those of ``merged``, sorted by its
+        depth. The others are lit at each sample of ``buffer``; samples are whole pixels from here on."""
+        self._layers = [Layer(merged, once), *(Layer(buffer, drawn, (i & 1, i >> 1)) for i in range(4))]
+        self._samples = self._fitting(merged.size, merged.depth, sorts=True)
+        self._samples.framebuffer.use()
+        self._samples.framebuffer.depth_mask = False
+        self._samples.framebuffer.clear()
 
     def show(self, lights: list[Light], origin: np.ndarray) -> None:
         """Draw the lamps that the camera sees over what lies behind them; after ``begin``, before ``add``."""
-        context, drawn = self.context, self._pass
+        context, drawn = self.context, self._layers[0].drawn
         seen = visible_lamps.far_to_near(lights, drawn.view.world_from_eye[:3, 3] + origin)
-        self._samples.framebuffer.depth_mask = True
+        sorts = self._samples.sorts
+        self._samples.framebuffer.depth_mask = sorts
         self._samples.framebuffer.use()
         context.disable(moderngl.BLEND)
-        context.enable(moderngl.DEPTH_TEST)
-        context.depth_func = "1"
+        if sorts:
+            context.enable(moderngl.DEPTH_TEST)
+            context.depth_func = "1"
+        else:
+            context.disable(moderngl.DEPTH_TEST)
+            stencil.write(0)
         for light in seen:
             program = self.programs.get(*visible_lamps.sources(light, drawn.view, drawn.lensmap is not None))
             put(program, **UNITS)
             put(program, world_from_eye=tuple(drawn.view.world_from_eye.T.ravel()))
             visible_lamps.fill(program, light, origin, self.uploads, self._records)
-            self._draw(program, 0.0)
+            self._draw(program, 0.0, drawn)
+        stencil.off()
         self._samples.framebuffer.depth_mask = False
 
     def add(self, chunk: list[Lit], maps: list[moderngl.Texture], lit: bool = False) -> None:
         """Add the light of a chunk; of none, what surfaces emit. ``lit``: visibility instead."""
-        context, drawn = self.context, self._pass
+        context = self.context
         self._samples.framebuffer.use()
-        context.enable(moderngl.DEPTH_TEST | moderngl.BLEND)
-        context.depth_func = "<" if lit else "=="
+        context.enable(moderngl.BLEND)
         context.blend_func = moderngl.ONE, moderngl.ONE
-        for unit, texture in enumerate(self._buffer.textures):
-            texture.use(unit)
-        if drawn.lensmap is not None:
-            self._lens_texture(drawn.lensmap).use(UNITS["lens"])
+        if self._samples.sorts:
+            context.enable(moderngl.DEPTH_TEST)
+            context.depth_func = "<" if lit else "=="
+        else:
+            context.disable(moderngl.DEPTH_TEST)
+        if self.bodies.lookup is not None:
+            self.bodies.lookup.use(UNITS["bodies"])
+        if (lensmap := self._layers[0].drawn.lensmap) is not None:
+            self._lens_texture(lensmap).use(UNITS["lens"])
         if self.table.texture is not None:
             self.table.texture.use(UNITS["materials"])
         self._bind(chunk, maps)
+        for layer in self._layers:
+            self._add_layer(layer, chunk, lit)
+        stencil.off()
+        context.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+
+    def _add_layer(self, layer: Layer, chunk: list[Lit], lit: bool) -> None:
+        for unit, texture in enumerate(layer.buffer.textures):
+            texture.use(unit)
         for number, group in enumerate(self.table.groups[:1] if lit else self.table.groups):
-            program = self._program(group, chunk, lit)
-            put(
-                program,
-                world_from_eye=tuple(drawn.view.world_from_eye.T.ravel()),
-                emitting=float(not chunk),
-            )
+            program = self._program(layer, group, chunk, lit)
+            world_from_eye = tuple(layer.drawn.view.world_from_eye.T.ravel())
+            put(program, world_from_eye=world_from_eye, emitting=float(not chunk), group=float(number))
+            if layer.pick is not None:
+                put(program, pick=layer.pick)
             if not lit:
                 if group.alone:
                     materials.put_numbers(program, group, self.table)
                 for i, (name, record) in enumerate(sorted(group.textures.items())):
                     bind(program, name, self.uploads, record, MAP_UNIT + i)
-            self._draw(program, 0.0 if lit else _depth(number))
-        context.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+            if not self._samples.sorts:
+                stencil.only(None if lit else number + 1)
+            depth = MIXED if layer.pick is not None else 0.0 if lit else _depth(number)
+            self._draw(program, depth, layer.drawn)
 
     def resolve(self, target: moderngl.Framebuffer, weight: float) -> None:
         """Add the samples' sum over each pixel, times ``weight``, to ``target``, and start afresh."""
@@ -184,10 +230,11 @@ class LightingStage:
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.ONE, moderngl.ONE
         samples.color.use(UNITS["samples"])
-        head = defines({"GRID": self._pass.grid})
+        grid = self._layers[0].drawn.grid
+        head = defines({"GRID": grid})
         program = self.programs.get([text("screen_vertex.glsl")], [head, text("resolve_fragment.glsl")])
         put(program, samples=UNITS["samples"], weight=weight)
-        self._draw(program, 0.0)
+        self._draw(program, 0.0, self._layers[0].drawn)
         context.disable(moderngl.BLEND)
         samples.framebuffer.use()
         samples.framebuffer.clear(depth=0.0)  # the depth is masked, and stays
@@ -198,8 +245,7 @@ class LightingStage:
         data = self._samples.framebuffer.read(components=3, dtype="f4")
         return np.frombuffer(data, np.float32).reshape(height, width, 3)
 
-    def _draw(self, program: moderngl.Program, depth: float) -> None:
-        drawn = self._pass
+    def _draw(self, program: moderngl.Program, depth: float, drawn: Pass) -> None:
         put(
             program,
             screen_depth=depth,
@@ -212,14 +258,19 @@ class LightingStage:
             self._arrays[program.glo] = self.context.vertex_array(program, [])
         self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
 
-    def _fitting(self, size: tuple[int, int]) -> "Samples":
-        if self._kept is None or self._kept.color.size != size:
-            if self._kept is not None:
-                self._kept.release()
-            color = self.context.texture(size, 4, dtype="f4")
-            color.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            depth = depth_texture(self.context, size)
-            self._kept = Samples(color, depth, self.context.framebuffer([color], depth))
+    def _fitting(self, size: tuple[int, int], depth: moderngl.Texture | None, sorts: bool) -> Samples:
+        """``depth``: the texture that tells the groups apart, None for one of its own."""
+        kept = self._kept
+        same = kept is not None and kept.color.size == size and kept.sorts == sorts
+        if kept is not None and same and (kept.own if depth is None else kept.depth is depth):
+            return kept
+        if kept is not None:
+            kept.release()
+        color = self.context.texture(size, 4, dtype="f4")
+        color.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        found = depth or depth_texture(self.context, size)
+        make = self.context.framebuffer if sorts else partial(stencil.framebuffer, self.context)
+        self._kept = Samples(color, found, make([color], found), sorts, own=depth is None)
         return self._kept
 
     def _bind(self, chunk: list[Lit], maps: list[moderngl.Texture]) -> None:
@@ -233,13 +284,13 @@ class LightingStage:
             if point.sample.light.profile is not None:
                 self.uploads.profile(point.sample.light.profile).texture.use(PROFILE_UNIT + i)
 
-    def _program(self, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
-        buffer, drawn = self._buffer, self._pass
+    def _program(self, layer: Layer, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
+        buffer, drawn, pick = layer.buffer, layer.drawn, layer.pick is not None
         signature = chunk[0].signature if chunk else ("NONE", False, False, False, 0)
         uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
-        key = (lit or group.key, signature, len(chunk), uv, telecentric, drawn.lensmap is not None)
+        key = (lit or group.key, signature, len(chunk), uv, telecentric, drawn.lensmap is not None, pick)
         if key not in self._by_key:
-            self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit)
+            self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit, pick)
         return self._by_key[key]
 
     def _compose(
@@ -250,6 +301,7 @@ class LightingStage:
         uv: bool,
         drawn: Pass,
         lit: bool,
+        pick: bool,
     ) -> moderngl.Program:
         mode, shaped, focused, profiled, faces = signature
         fragment = bool(group.material and group.material.glsl)
@@ -270,6 +322,7 @@ class LightingStage:
                 "UV": uv,
                 "LENS": drawn.lensmap is not None,
                 "LIT": lit,
+                "PICK": pick,
                 "FRAGMENT": fragment,
                 "PARAMETERS": max(len(group.brdf.flat()), 1),
             }

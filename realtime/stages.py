@@ -9,6 +9,7 @@ from realtime.bodies import Bodies
 from realtime.gbuffer import GBufferStage
 from realtime.lighting import LightingStage
 from realtime.materials import MaterialTable
+from realtime.merge import MergeStage
 from realtime.programs import Programs
 from realtime.shadow_maps import ShadowMaps
 from realtime.target import Targets
@@ -23,6 +24,7 @@ class Stages:
     bodies: Bodies
     shadows: ShadowMaps
     gbuffer: GBufferStage
+    merge: MergeStage
     lighting: LightingStage
     targets: Targets
 
@@ -38,6 +40,7 @@ class Stages:
             bodies,
             ShadowMaps(context, uploads, programs, bodies),
             GBufferStage(context, uploads, programs, bodies),
+            MergeStage(context, programs, bodies),
             LightingStage(context, uploads, programs, bodies),
             Targets(context),
         )
@@ -46,6 +49,7 @@ class Stages:
         for part in (
             self.shadows,
             self.gbuffer,
+            self.merge,
             self.lighting,
             self.targets,
             self.bodies,

@@ -53,18 +53,25 @@ class Rasterizer:
         passes: Sequence[str] = (),
         per_light: bool = False,
         samples: int = 16,
+        shading: str = "sample",
         next_scene: Scene | None = None,
     ) -> Image:
         """Linear radiance (H, W, 3) float32 and the passes asked for, as interchange.image defines them.
 
         ``samples``: spots of a pixel, of each lamp and of the lens that the mean is taken over; 1 is the pixel's
         centre, lit from the lamps' middles: fast, with hard shadows and edges. ``per_light`` is the pass ``light``.
+        ``shading``: ``"sample"`` lights each sample, the exact mean; ``"pixel"`` lights pixels once whose four
+        samples of a pass lie on one smooth surface (realtime.merge), as multisampling does: for live views with
+        ``samples`` 4, 8, ...; scenes with textures, lenses that distort and lamps that are seen themselves are lit
+        sample by sample all the same.
         ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
         a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
         """
         wanted = wanted_passes(passes, per_light, next_scene)
         if samples < 1:
             raise BrightfieldError(f"A pixel must have at least one sample; got {samples}.")
+        if shading not in ("sample", "pixel"):
+            raise BrightfieldError(f'A rasteriser\'s shading must be "sample" or "pixel"; got "{shading}".')
         if samples == 1 and has_depth_of_field(camera):
             raise BrightfieldError(
                 f"A thin lens (f_stop {camera.lens.f_stop:g}) needs more than 1 sample a pixel; take more, or "
@@ -81,7 +88,7 @@ class Rasterizer:
                     stages.uploads.picture(light.texture)
             stages.shadows.expire()
             stages.uploads.end()
-            frame = Frame(stages, scene, camera, samples, self.shadow_resolution)
+            frame = Frame(stages, scene, camera, samples, self.shadow_resolution, shading == "pixel")
             pixels, alone = frame.radiance("light" in wanted)
             found = {f"light:{name}": image for name, image in alone.items()}
             if "direct" in wanted:
@@ -91,6 +98,7 @@ class Rasterizer:
         made_by = {
             "renderer": "rasterizer",
             "samples": samples,
+            "shading": shading,
             "seed": 0,
             "shadow_resolution": frame.side,
             "scene": scene.digest,

@@ -10,6 +10,9 @@ uniform sampler2D g_slopes;
 #endif
 #endif
 uniform mat4 world_from_eye;
+#ifdef PICK
+uniform float group;
+#endif
 uniform float emitting;  // 1 in the draw that adds what surfaces emit
 
 layout(location = 0) out vec4 radiance;
@@ -99,15 +102,21 @@ void main()
         vec3(dot(view, tangent), dot(view, bitangent), dot(view, normal)), st);
 #ifndef LIT
     vec3 emission;
-#ifdef ALONE
-    const int row = 0;
+#if defined(PICK) || !defined(ALONE)
+    int body = max(int(plane.w), 0);
+    vec2 place = texelFetch(bodies, ivec2(body & 4095, body >> 12), 0).xy;
+    int row = int(place.x);
 #else
-    int row = int(texelFetch(bodies, ivec2(int(plane.w) & 4095, int(plane.w) >> 12), 0).x);
+    const int row = 0;
 #endif
     material(row, st, values, emission);
     total = emitting * emission;
 #endif
     // one call a lamp, written out: a loop would index samplers and records at run time
     ALL_LAMPS
+#ifdef PICK
+    radiance = plane.w >= 0.0 && place.y == group ? vec4(0.25 * total, 1.0) : vec4(0.0);
+#else
     radiance = vec4(total, 1.0);
+#endif
 }

@@ -6,6 +6,9 @@ struct Sample {
 };
 
 uniform vec4 pinhole;  // focal, centre
+#ifdef PICK
+uniform ivec2 pick;  // which of a pixel's 2 x 2 texels
+#endif
 #ifdef LENS
 uniform sampler2D lens;
 uniform vec2 jitter;    // px
@@ -28,6 +31,9 @@ Sample locate()
     return Sample(texel, (window - pinhole.zw) / pinhole.xy, window - (vec2(texel) + 0.5));
 #else
     ivec2 texel = ivec2(gl_FragCoord.xy);
+#ifdef PICK
+    texel = 2 * texel + pick;
+#endif
     return Sample(texel, (vec2(texel) + 0.5 - pinhole.zw) / pinhole.xy, vec2(0.0));
 #endif
 }

@@ -1,0 +1,80 @@
+"""Pixels lit once (shading="pixel"), and how the samples of material groups are told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from interchange.brdf.lafortune import Lafortune
+from interchange.brdf.lambert import Lambert
+from interchange.brdf.phong import Phong
+from interchange.light import Light, LightKind
+from interchange.material import Material
+from interchange.problems import BrightfieldError
+from interchange.scene import Body, Scene
+from realtime import stencil
+from realtime.materials import is_isotropic
+from realtime.renderers.rasterizer import Rasterizer
+
+BRUSHED = Lafortune(0.2, weight=((0.5, 0.2, 0.1),), C=((-1.0, -0.8, 0.9),), n=(12,))
+
+
+@pytest.fixture
+def scene(make):
+    bodies = (
+        Body("/ball", make.ball(), Material("brushed", BRUSHED), make.at(-0.6, 0, 0)),
+        Body("/other", make.ball(), Material("phong", Phong()), make.at(1.2, 0.9, 0)),
+        Body("/floor", make.plane(6, 6), Material("matte", Lambert()), make.at(0, 0, -1)),
+        Body("/veil", make.plane(1, 1), Material("veil", Lambert(), opacity=0.5), make.at(0.5, -1, 0.8)),
+    )
+    lamp = Light("/lamp", LightKind.SPHERE, (4.0, 3.0, 2.0), make.at(1, -2, 3), casts_shadows=False)
+    return Scene(bodies, (lamp, replace(lamp, name="/low", world_from_light=make.at(-3, -1, 2))))
+
+
+@pytest.mark.parametrize("lens", ["pinhole", "telecentric"])
+def test_pixels_lit_once_equal_the_mean_of_their_samples(rasterizer, make, scene, lens):
+    """Without shadows what is left is of second order within a pixel, silhouettes included: 1e-3 of the brightest,
+    but for the few pixels in which a facet's own horizon runs (at most one in 200)."""
+    if lens == "pinhole":
+        camera = make.pinhole((2.5, -3, 2), (0, 0, 0), (160, 120), 0.9)
+    else:
+        camera = make.telecentric((2.5, -3, 2), (0, 0, 0), 3e-2, (160, 120))
+    for samples in (4, 8):
+        each = rasterizer.render(scene, camera, samples=samples).pixels
+        once = rasterizer.render(scene, camera, samples=samples, shading="pixel").pixels
+        off = np.abs(once - each).max(axis=-1) / each.max()
+        assert (off > 1e-3).mean() < 1 / 200
+        assert (off > 0).mean() > 0.2  # another way to the same
+        # where a single sample stands for the pixel, silhouettes are far off
+        hard = rasterizer.render(scene, camera, samples=1).pixels
+        assert (np.abs(hard - each).max(axis=-1) / each.max() > 1e-3).mean() > 1 / 50
+
+
+def test_each_lamp_alone_lit_once_sums_to_the_image(rasterizer, make, scene):
+    camera = make.pinhole((2.5, -3, 2), (0, 0, 0), (64, 48), 0.9)
+    image = rasterizer.render(scene, camera, samples=4, shading="pixel", per_light=True)
+    lamps = image.passes["light:/lamp"] + image.passes["light:/low"]
+    whole = rasterizer.render(scene, camera, samples=4, shading="pixel").pixels
+    np.testing.assert_allclose(lamps, whole, atol=1e-5 * whole.max())
+
+
+def test_shading_has_a_known_name(rasterizer, make, scene):
+    with pytest.raises(BrightfieldError, match='"sample" or "pixel"; got "vertex"'):
+        rasterizer.render(scene, make.pinhole((2.5, -3, 2), (0, 0, 0)), shading="vertex")
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_more_groups_than_a_stencil_tells_apart(make, scene, monkeypatch, samples):
+    camera = make.pinhole((2.5, -3, 2), (0, 0, 0), (64, 48), 0.9)
+    with Rasterizer() as renderer:
+        by_stencil = renderer.render(scene, camera, samples=samples).pixels
+        monkeypatch.setattr(stencil, "MOST_GROUPS", 1)
+        by_depth = renderer.render(scene, camera, samples=samples).pixels
+    assert by_stencil.max() > 0
+    np.testing.assert_array_equal(by_depth, by_stencil)
+
+
+def test_isotropy_is_found_for_the_parameters_at_hand():
+    assert not is_isotropic(BRUSHED)
+    assert is_isotropic(replace(BRUSHED, C=((-1.0, -1.0, 0.9),)))
+    assert is_isotropic(Lambert())
