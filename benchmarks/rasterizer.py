@@ -1,18 +1,25 @@
-"""Frames per second of the rasteriser against pyrender (and PyVista, where it is installed), in one run.
+"""The rasteriser against pyrender (and PyVista, where it is installed): frames per second, CPU time, memory.
 
-    python -m benchmarks.rasterizer [--frames 12] [--triangles 100000]
+    python benchmarks/rasterizer.py [--frames 12] [--triangles 100000] [--long 1000]
 
 A bumpy sphere on a floor, one Lafortune material of three lobes, three lamps that cast shadows, a camera that circles:
-every frame another view, read back as floats (pyrender: 8 bit). ``live`` is samples=1; x4 is four samples a pixel,
-as many as pyrender's multisampling has. ``moving``: the sphere turns, so that no shadow map can be kept.
+every frame another view, read back as floats (pyrender: 8 bit). ``live`` is samples=1. ``x4`` is four samples a pixel
+with shading="pixel": lit once a pixel but at edges, which is what pyrender's multisampling does; ``x4, every sample
+lit`` is the exact mean of four. ``moving``: the sphere turns, so that no shadow map can be kept (pyrender redraws its
+own every frame in any case). CPU time is that of the process, the driver's threads included: on busy cores it says
+more than the clock. Ratios are medians over pairs of frames that are drawn one after the other, so that what else
+the machine does falls on both.
 """
 
 import argparse
 import os
 import platform
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +34,11 @@ from interchange.scene import Body, Scene
 from realtime.renderers.pyrender import offscreen
 from realtime.renderers.rasterizer import Rasterizer
 
+SIZES = ((640, 480), (1280, 720))
 LAMPS = ((2.0, -2.0, 3.0), (-2.0, -1.0, 2.5), (0.0, 3.0, 2.0))
 LOBES = Lafortune(
-    0.3,
-    weight=(0.4, 0.2, 0.1),
+    (0.3, 0.3, 0.3),
+    weight=((0.4,) * 3, (0.2,) * 3, (0.1,) * 3),
     C=((-0.97, -0.97, 0.9), (-0.8, -0.8, 0.7), (0.7, 0.7, 0.7)),
     n=(20, 5, 8),
 )
@@ -70,14 +78,47 @@ def camera(resolution: tuple[int, int], step: int) -> Camera:
     return Camera("camera", pose, Lens(f), Sensor(resolution, (1e-5, 1e-5)))
 
 
-def fps(draw: Callable[[int], object], frames: int) -> float:
-    """Of the median frame, the first two left out."""
-    times = []
+@dataclass(frozen=True)
+class Timing:
+    """Of the median frame, s."""
+
+    wall: float
+    cpu: float
+
+
+def timing(draw: Callable[[int], object], frames: int) -> Timing:
+    """The first two frames are left out."""
+    rows = []
     for step in range(frames + 2):
-        start = time.perf_counter()
+        start = time.perf_counter(), time.process_time()
         draw(step)
-        times.append(time.perf_counter() - start)
-    return float(1 / np.median(times[2:]))
+        rows.append((time.perf_counter() - start[0], time.process_time() - start[1]))
+    wall, cpu = np.median(rows[2:], axis=0)
+    return Timing(float(wall), float(cpu))
+
+
+def paired(ours: Callable[[int], object], theirs: Callable[[int], object], frames: int) -> float:
+    """How many times as fast ours is: the median over pairs of frames, the first left out."""
+    rows = []
+    for step in range(frames + 1):
+        start = time.perf_counter()
+        ours(step)
+        middle = time.perf_counter()
+        theirs(step)
+        rows.append((time.perf_counter() - middle) / (middle - start))
+    return float(np.median(rows[1:]))
+
+
+def resident() -> float:
+    """MB of memory that the process holds now (Linux)."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def processor() -> str:
+    cores = f"{len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.2f} before"
+    names = [x for x in Path("/proc/cpuinfo").read_text().splitlines() if x.startswith("model name")]
+    return f"{names[0].split(':')[1].strip() if names else platform.machine()}, {cores}"
 
 
 def turned(still: Scene, step: int) -> Scene:
@@ -86,7 +127,11 @@ def turned(still: Scene, step: int) -> Scene:
     return replace(still, bodies=(replace(still.bodies[0], world_from_body=pose), *still.bodies[1:]))
 
 
-def pyrender_frames(still: Scene, resolution: tuple[int, int], frames: int, shadows: bool) -> float:
+@contextmanager
+def pyrender_view(
+    still: Scene, resolution: tuple[int, int], shadows: bool
+) -> Iterator[Callable[[int], object]]:
+    """Draws frame k."""
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     import pyrender
 
@@ -114,14 +159,14 @@ def pyrender_frames(still: Scene, resolution: tuple[int, int], frames: int, shad
         return renderer.render(drawn, flags=flags)
 
     try:
-        return fps(draw, frames)
+        yield draw
     finally:
         renderer.delete()
 
 
-def pyvista_frames(still: Scene, resolution: tuple[int, int], frames: int) -> float | None:
+def pyvista_frames(still: Scene, resolution: tuple[int, int], frames: int) -> Timing | None:
     try:
-        import pyvista
+        import pyvista  # type: ignore[import-not-found]  # where it is installed
     except ImportError:
         return None
     plotter = pyvista.Plotter(off_screen=True, window_size=list(resolution), lighting="none")
@@ -142,7 +187,7 @@ def pyvista_frames(still: Scene, resolution: tuple[int, int], frames: int) -> fl
         plotter.render()
         return plotter.screenshot(return_img=True)
 
-    result = fps(draw, frames)
+    result = timing(draw, frames)
     plotter.close()
     return result
 
@@ -151,45 +196,74 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--triangles", type=int, default=100_000)
+    parser.add_argument("--long", type=int, default=1000, help="frames over which memory is watched")
     arguments = parser.parse_args()
     still = scene(arguments.triangles)
     moving = [turned(still, step) for step in range(arguments.frames + 2)]
-    load = os.getloadavg()[0]
+    rows: dict[str, list[Timing | None]] = {}
+    ratios: list[str] = []
     with Rasterizer() as renderer:
-        print(f"{platform.machine()}, {os.cpu_count()} cores, load {load:.2f} before, {renderer.gl}")
-        print(
-            f"{sum(len(b.mesh.faces) for b in still.bodies)} triangles, 3 lamps with shadows, 3-lobe Lafortune"
-        )
-        print(f"| frames/s, {arguments.frames} frames | 640x480 | 1280x720 |\n|---|---|---|")
-        rows: dict[str, list[float | None]] = {}
-        for resolution in ((640, 480), (1280, 720)):
+        print(f"{processor()}, {renderer.gl}")
+        faces = sum(len(b.mesh.faces) for b in still.bodies)
+        print(f"{faces} triangles, 3 lamps with shadows, 3-lobe Lafortune, {arguments.frames} frames each")
+        for size in SIZES:
 
-            def view(step: int, size: tuple[int, int] = resolution) -> Camera:
-                return camera(size, step)
-
-            for name, draw in {
-                "rasterizer, live": lambda k: renderer.render(still, view(k), samples=1),
-                "rasterizer, live, moving": lambda k: renderer.render(moving[k], view(k), samples=1),
-                "rasterizer, x4": lambda k: renderer.render(still, view(k), samples=4),
-                "rasterizer, x4, moving": lambda k: renderer.render(moving[k], view(k), samples=4),
-            }.items():
-                rows.setdefault(name, []).append(fps(draw, arguments.frames))
-            for shadows in (False, True):
-                name = f"pyrender, MSAA 4, shadows {'on' if shadows else 'off'}"
-                rows.setdefault(name, []).append(
-                    pyrender_frames(still, resolution, max(3, arguments.frames // 3), shadows)
+            def ours(moves: bool, size: tuple[int, int] = size, **how: Any) -> Timing:
+                return timing(
+                    lambda k: renderer.render(moving[k] if moves else still, camera(size, k), **how),
+                    arguments.frames,
                 )
-            rows.setdefault("PyVista, MSAA 4, shadows on", []).append(
-                pyvista_frames(still, resolution, max(3, arguments.frames // 3))
-            )
-    for name, values in rows.items():
-        print(
-            f"| {name} | " + " | ".join("not installed" if v is None else f"{v:.1f}" for v in values) + " |"
-        )
-    base = rows["pyrender, MSAA 4, shadows on"]
-    for name in ("rasterizer, x4", "rasterizer, x4, moving"):
-        ratios = [a / b if a and b else float("nan") for a, b in zip(rows[name], base, strict=True)]
-        print(f"| {name} / pyrender with shadows | " + " | ".join(f"{r:.1f}" for r in ratios) + " |")
+
+            few = max(3, arguments.frames // 3)
+            for moves in (False, True):
+                kind = ", moving" if moves else ""
+                rows.setdefault(f"live{kind}", []).append(ours(moves, samples=1))
+                rows.setdefault(f"x4{kind}", []).append(ours(moves, samples=4, shading="pixel"))
+            rows.setdefault("x4, every sample lit", []).append(ours(False, samples=4))
+            with pyrender_view(still, size, False) as draw:
+                rows.setdefault("pyrender, MSAA 4, shadows off", []).append(timing(draw, few))
+            with pyrender_view(still, size, True) as draw:
+                rows.setdefault("pyrender, MSAA 4, shadows on", []).append(timing(draw, few))
+                for moves in (False, True):
+
+                    def four(
+                        k: int,
+                        frames: list[Scene] = moving if moves else [still] * len(moving),
+                        size: Any = size,
+                    ) -> object:
+                        shown = moving[k] if moves else still
+                        return renderer.render(shown, camera(size, k), samples=4, shading="pixel")
+
+                    kind = "moving" if moves else "still"
+                    ratios.append(f"{size[0]}x{size[1]} {kind} {paired(four, draw, few):.1f}")
+            rows.setdefault("PyVista, MSAA 4, shadows on", []).append(pyvista_frames(still, size, few))
+        report(rows)
+        print("x4, times as fast as pyrender with shadows: " + ", ".join(ratios))
+        watch_memory(renderer, still, arguments.long)
+
+
+def report(rows: dict[str, list[Timing | None]]) -> None:
+    print("| | " + " | ".join(f"{w}x{h} frames/s | ms | CPU ms" for w, h in SIZES) + " |")
+    print("|---" * (1 + 3 * len(SIZES)) + "|")
+    for name, found in rows.items():
+        cells = [
+            f"{1 / t.wall:.1f} | {t.wall * 1e3:.0f} | {t.cpu * 1e3:.0f}" if t else "not installed | - | -"
+            for t in found
+        ]
+        print(f"| {name} | " + " | ".join(cells) + " |")
+
+
+def watch_memory(renderer: Rasterizer, still: Scene, frames: int) -> None:
+    """Every frame another view and another place of the sphere, so that meshes stay and all else changes."""
+    first = 0.0
+    for step in range(frames):
+        how: dict[str, Any] = {"samples": 4, "shading": "pixel"} if step % 10 == 0 else {"samples": 1}
+        renderer.render(turned(still, step), camera((160, 120), step), **how)
+        if step == min(50, frames // 2):
+            first = resident()
+    print(
+        f"memory after {min(50, frames // 2)} of {frames} frames {first:.0f} MB, after the last {resident():.0f} MB"
+    )
 
 
 if __name__ == "__main__":
