@@ -226,11 +226,7 @@ def main() -> None:
                 rows.setdefault("pyrender, MSAA 4, shadows on", []).append(timing(draw, few))
                 for moves in (False, True):
 
-                    def four(
-                        k: int,
-                        frames: list[Scene] = moving if moves else [still] * len(moving),
-                        size: Any = size,
-                    ) -> object:
+                    def four(k: int, moves: bool = moves, size: tuple[int, int] = size) -> object:
                         shown = moving[k] if moves else still
                         return renderer.render(shown, camera(size, k), samples=4, shading="pixel")
 
