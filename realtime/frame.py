@@ -13,12 +13,23 @@ from realtime.lighting import Lit, Pass, chunks
 from realtime.passes import Centre, centre, motion
 from realtime.schedule import schedule
 from realtime.shadow_fit import Visible
+from realtime.shadow_maps import BUDGET
 from realtime.stages import Stages
 from realtime.view import has_depth_of_field, view
 
-LEAST, MOST = 512, 2048  # texels along a side of a shadow map that is fitted to the image
+LEAST, MOST, FINEST = 512, 2048, 4096  # texels along a side of a shadow map that is fitted to the image
+LIVE_SAMPLES = 4  # up to here an image is meant to be fast; beyond, to be right
 CUT = 0.5  # opacity from which a surface counts in the passes of the pixels' centres
 MIDDLE = np.zeros(2)
+
+
+def fitted_side(pixels: int, fine: bool, lamps: int) -> int:
+    """Texels along a side of each lamp's map: two to a pixel, ``fine`` eight, as long as all maps can be kept."""
+    side = 1 << int(np.ceil(np.log2((8 if fine else 2) * pixels)))
+    side = int(np.clip(side, LEAST, FINEST if fine else MOST))
+    while side > MOST // 2 and 4 * side * side * lamps > BUDGET:  # depth of four bytes
+        side //= 2
+    return side
 
 
 class Frame:
@@ -39,8 +50,7 @@ class Frame:
             and not any(light.visible for light in scene.lights)
         )
         self.origin = stages.bodies.origin
-        fitted = 1 << int(np.ceil(np.log2(2 * max(self.size))))
-        self.side = shadow_side or int(np.clip(fitted, LEAST, MOST))
+        self.side = shadow_side or fitted_side(max(self.size), samples > LIVE_SAMPLES, len(self.lights))
         self.visible = self._visible()
         rounds = self.plan.passes * self.plan.rounds
         self.points = [lamps.samples(light, i, rounds, self.origin) for i, light in enumerate(self.lights)]
