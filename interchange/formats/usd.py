@@ -72,8 +72,10 @@ class UsdFormat(Format):
             os.replace(beside, path)
         except (OSError, RuntimeError) as error:
             beside.unlink(missing_ok=True)
-            reason = _plain(getattr(error, "strerror", None) or str(error))
-            raise FileError(Problem(f"The file cannot be written: {reason}.", Where(str(path)))) from None
+            reason = getattr(error, "strerror", None) or _tf_messages(str(error))[0]
+            raise FileError(
+                Problem(f"The file cannot be written: {reason.rstrip('.')}.", Where(str(path)))
+            ) from None
         del delegate
         return []
 
