@@ -88,7 +88,6 @@ def test_an_unequal_treatment_of_azimuth_is_declared(model):
 def test_names_its_source_and_its_parameters(model):
     assert model.source
     assert parameters(model)
-    assert model.__doc__ is None or "TODO" not in model.__doc__
     assert list(model().slots()) == list(parameters(model))
 
 
