@@ -2,6 +2,9 @@
 
 The same declaration feeds the constructor, the check, the editor's slider, the sweep's axis,
 the fit's bounds, the shader's uniforms, the USD attribute and the reference page.
+
+Beside its parameters a model may have settings (whole numbers that decide the formula's text, such as a degree)
+and tables (measured values that the formula looks up).
 """
 
 from dataclasses import dataclass, field, fields
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from interchange.problems import BrightfieldError
+from interchange.table import Table
 
 
 class Kind(StrEnum):
@@ -36,6 +40,25 @@ class Parameter:
     per_lobe: bool = False  # a list with one entry a lobe
 
 
+@dataclass(frozen=True)
+class Setting:
+    """A whole number that decides the text of a model's formula: a degree, a number of bins."""
+
+    symbol: str
+    low: int
+    high: int
+    meaning: str
+
+
+@dataclass(frozen=True)
+class TableOf:
+    """A field that holds a ``Table``."""
+
+    symbol: str
+    unit: str
+    meaning: str
+
+
 class ParameterError(BrightfieldError, ValueError):
     """A parameter outside its declared bounds, or of the wrong shape."""
 
@@ -55,13 +78,31 @@ def parameter(
     return field(default=default, metadata={"parameter": about})
 
 
+def setting(default: int, symbol: str, low: int, high: int, meaning: str) -> Any:
+    """Declare a field that decides the formula's text: ``degree: int = setting(4, "l", 0, 20, "highest degree")``."""
+    return field(default=default, metadata={"setting": Setting(symbol, low, high, meaning)})
+
+
+def table(default: Table, symbol: str, unit: str, meaning: str) -> Any:
+    """Declare a field of values that the formula looks up with ``self.NAME.take(index)``."""
+    return field(default=default, metadata={"table": TableOf(symbol, unit, meaning)})
+
+
+def settings(model: Any) -> dict[str, Setting]:
+    return {f.name: f.metadata["setting"] for f in fields(model) if "setting" in f.metadata}
+
+
+def tables(model: Any) -> dict[str, TableOf]:
+    return {f.name: f.metadata["table"] for f in fields(model) if "table" in f.metadata}
+
+
 def parameters(model: Any) -> dict[str, Parameter]:
     """The declared parameters of a model or of its class, by field name, in the order of declaration."""
     return {f.name: f.metadata["parameter"] for f in fields(model) if "parameter" in f.metadata}
 
 
 def freeze(model: Any) -> None:
-    """Bring a frozen model's parameters to tuples of floats, and check shapes and bounds.
+    """Bring a frozen model's parameters to tuples of floats, its tables to ``Table``; check shapes and bounds.
 
     A colour given as one number stands for all three channels. Raises ParameterError, which names
     every parameter that is wrong.
@@ -94,6 +135,20 @@ def freeze(model: Any) -> None:
                 f"{label} must lie in [{about.low:g}, {about.high:g}]{unit}; got {outside.flat[0]:g}{unit}."
             )
         object.__setattr__(model, name, as_tuple(value))
+    for name, rule in settings(model).items():
+        number = getattr(model, name)
+        label = f"{type(model).__name__}.{name} ({rule.symbol}, {rule.meaning})"
+        if not isinstance(number, int | float | np.integer) or number != int(number):
+            wrong.append(f"{label} must be a whole number; got {number!r}.")
+        elif not rule.low <= number <= rule.high:
+            wrong.append(f"{label} must lie in [{rule.low}, {rule.high}]; got {number}.")
+        else:
+            object.__setattr__(model, name, int(number))
+    for name, content in tables(model).items():
+        try:
+            object.__setattr__(model, name, Table.of(getattr(model, name)))
+        except ValueError as error:
+            wrong.append(f"{type(model).__name__}.{name} ({content.symbol}, {content.meaning}) {error}")
     if len(set(lobes.values())) > 1:
         counts = ", ".join(f"{name} has {count}" for name, count in lobes.items())
         wrong.append(f"{type(model).__name__} must have as many entries in every lobe parameter; {counts}.")

@@ -9,6 +9,7 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.material import Material, Texture
 from interchange.scene import Body, Scene
+from interchange.table import Table
 from offline import opacity
 from offline.blender_camera import BlenderCamera
 from offline.blender_matrix import matrix
@@ -25,7 +26,7 @@ class Stage:
         self.scene = bpy.context.scene
         self.camera = BlenderCamera(folder)
         self.meshes: dict[Any, tuple[Any, bpy.types.Mesh]] = {}
-        self.files: dict[int, tuple[Texture, str]] = {}
+        self.files: dict[int, tuple[Texture | Table, str]] = {}
         self.materials: list[ScriptMaterial] = []
         self.objects: list[bpy.types.Object] = []
         self.bodies: list[tuple[Any, int, np.ndarray]] = []
@@ -33,7 +34,7 @@ class Stage:
         self.text_key: Any = None
         self.written = 0
 
-    def file_of(self, texture: Texture) -> str:
+    def file_of(self, texture: Texture | Table) -> str:
         if id(texture) not in self.files:
             path = self.folder / f"texture{self.written}.tif"
             self.written += 1
@@ -68,7 +69,7 @@ class Stage:
         see_through = any(opacity.is_see_through(m) for m in distinct)
         self.used: set[int] = set()
 
-        def file_of(texture: Texture) -> str:
+        def file_of(texture: Texture | Table) -> str:
             self.used.add(id(texture))
             return self.file_of(texture)
 

@@ -17,8 +17,11 @@ from interchange.light import Light
 from interchange.material import Material, Texture, Wrap
 from interchange.parameter import Kind, parameters
 from interchange.shader import OSL, function
+from interchange.table import WIDTH, Table
 from offline import lamps
-from offline.proposals import proposals
+from offline.proposals import STRIDE, proposals
+
+Pixels = Texture | Table
 
 WRAP = {Wrap.BLACK: "black", Wrap.CLAMP: "clamp", Wrap.REPEAT: "periodic", Wrap.MIRROR: "mirror"}
 
@@ -41,6 +44,15 @@ def lookup(texture: Texture, file: str, uv: str = "uv") -> str:
     return (
         f'({kind})texture("{file}", {s}, 1 - {t}, 0, 0, 0, 0, "interp", "linear", '
         f'"swrap", "{WRAP[texture.wrap[0]]}", "twrap", "{WRAP[texture.wrap[1]]}")'
+    )
+
+
+def _rows(k: int, table: Table, file: str) -> str:
+    """The function that reads a row of a table."""
+    height = len(table.pixels)
+    x, y = f"(mod(i, {WIDTH}.0) + 0.5) / {WIDTH}.0", f"(floor(i / {WIDTH}.0) + 0.5) / {height}.0"
+    return (
+        f'color table_{k}(float i) {{ return texture("{file}", {x}, {y}, 0, 0, 0, 0, "interp", "closest"); }}'
     )
 
 
@@ -75,8 +87,8 @@ def lamps_of(lights: Sequence[Light], file_of: Callable[[Texture], str]) -> Lamp
     return Lamps(len(lights), tuple(lamps.pack(lights)), functions, tuple(lamps.features(lights).items()))
 
 
-def surface(material: Material, lit_by: Lamps, see_through: bool, file_of: Callable[[Texture], str]) -> str:
-    """The OSL source of ``material``. ``file_of`` writes a texture and says where."""
+def surface(material: Material, lit_by: Lamps, see_through: bool, file_of: Callable[[Pixels], str]) -> str:
+    """The OSL source of ``material``. ``file_of`` writes a texture or a table and says where."""
     brdf = material.brdf
     count = len(brdf.flat())
     slots = brdf.slots()
@@ -109,14 +121,14 @@ def surface(material: Material, lit_by: Lamps, see_through: bool, file_of: Calla
         matte = f"color(p[{d}], p[{d + 1}], p[{d + 2}])"
     fill: Mapping[str, str] = {
         "PARAMETERS": " ".join(f"vector p{k} = 0," for k in range((count + 2) // 3)),
-        "COUNT": str(count),
+        "COUNT": str(max(count, 1)),
         "GATHER": " ".join(f"p[{i}] = p{i // 3}[{i % 3}];" for i in range(count)),
         "MAPS": "\n    ".join(maps),
         "NORMAL_MAP": normal_map,
         "LAMP_NUMBERS": str(max(len(lit_by.numbers), 1)),
         "LAMPS": ", ".join(map(number, lit_by.numbers or (0.0,))),
         "LAMP_COUNT": str(lit_by.count),
-        "LOBE_NUMBERS": str(6 * lobe_count),
+        "LOBE_NUMBERS": str(STRIDE * lobe_count),
         "LOBE_CODE": lobe_code,
         "MATTE": matte,
     }
@@ -126,7 +138,8 @@ def surface(material: Material, lit_by: Lamps, see_through: bool, file_of: Calla
     flags = {"LOBES": lobe_count, "SEE_THROUGH": see_through, **dict(lit_by.features)}
     head = ['#include "stdcycles.h"', *(f"#define {name} {int(value)}" for name, value in flags.items())]
     parts = [
-        OSL.power,
+        OSL.prelude,
+        *(_rows(k, table, file_of(table)) for k, table in enumerate(brdf.tables)),
         function(brdf, OSL, "brdf"),
         lit_by.functions,
         library("lamps.osl"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from interchange.material import Material, Texture
 from interchange.scene import Body
+from interchange.table import Table
 from realtime.materials import MaterialTable
 from realtime.uploads import VERTEX_FORMAT, VERTEX_NAMES, Geometry, Uploads
 
@@ -192,9 +193,9 @@ class Bodies:
             self.lookup = None
 
 
-def _textures(material: Material) -> list[Texture]:
-    own = [*material.maps.values(), material.normal_map, material.emission_map, material.opacity_map]
-    return [t for t in own if t is not None]
+def _textures(material: Material) -> list[Texture | Table]:
+    maps = [*material.maps.values(), material.normal_map, material.emission_map, material.opacity_map]
+    return [*(t for t in maps if t is not None), *material.brdf.tables]
 
 
 def _cast_alike(a: tuple[Body, ...], b: tuple[Body, ...]) -> bool:

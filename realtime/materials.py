@@ -15,6 +15,7 @@ from interchange import shader
 from interchange.brdf import Brdf
 from interchange.material import Material, Texture
 from interchange.problems import BrightfieldError
+from interchange.table import Table
 from realtime.uploads import Uploads
 
 
@@ -34,11 +35,12 @@ class Group:
         return self.last - self.first == 1
 
     @property
-    def textures(self) -> dict[str, Texture]:
+    def textures(self) -> dict[str, Texture | Table]:
         """By the name of the sampler in the group's program."""
         if self.material is None:
             return {}
-        named = {f"map_{name}": texture for name, texture in self.material.maps.items()}
+        named: dict[str, Texture | Table] = {f"map_{n}": t for n, t in self.material.maps.items()}
+        named |= {f"table_{k}": table for k, table in enumerate(self.brdf.tables)}
         if self.material.emission_map is not None:
             named["map_of_emission"] = self.material.emission_map
         return named
@@ -47,7 +49,7 @@ class Group:
     def key(self) -> tuple[object, ...]:
         """What decides the program's text."""
         own = self.material
-        common = (*shader.structure(self.brdf), self.isotropic, self.alone)
+        common = (self.brdf.structure, *map(len, self.brdf.tables), self.isotropic, self.alone)
         if own is None:
             return common
         maps = tuple((name, t.pixels.shape[2]) for name, t in sorted(own.maps.items()))
@@ -73,8 +75,8 @@ class MaterialTable:
         for material in materials:
             check(material)
 
-        def order(material: Material) -> tuple[str, int, int]:
-            return (*shader.structure(material.brdf), _stands_alone(material))
+        def order(material: Material) -> tuple[str, int]:
+            return material.brdf.structure, _stands_alone(material)
 
         ordered = sorted(materials, key=order)
         groups: list[Group] = []
@@ -83,11 +85,7 @@ class MaterialTable:
             free = not material.glsl and is_isotropic(material.brdf)
             if _stands_alone(material):
                 groups.append(Group(row, row + 1, material.brdf, material, free))
-            elif (
-                last
-                and last.material is None
-                and shader.structure(last.brdf) == shader.structure(material.brdf)
-            ):
+            elif last and last.material is None and last.brdf.structure == material.brdf.structure:
                 groups[-1] = Group(last.first, row + 1, last.brdf, None, last.isotropic and free)
             else:
                 groups.append(Group(row, row + 1, material.brdf, None, free))
@@ -108,7 +106,7 @@ class MaterialTable:
     @property
     def textured(self) -> bool:
         """Whether any material must know where on the surface a point lies."""
-        return any(_stands_alone(m) for m in self.materials)
+        return any(needs_uv(m) for m in self.materials)
 
     @property
     def turns(self) -> bool:
@@ -139,6 +137,11 @@ class MaterialTable:
 
 
 def _stands_alone(material: Material) -> bool:
+    return needs_uv(material) or bool(material.glsl or material.brdf.tables)
+
+
+def needs_uv(material: Material) -> bool:
+    """Whether a point's reflectance depends on where on the surface it lies."""
     return bool(material.maps or material.emission_map is not None or material.glsl)
 
 
@@ -198,7 +201,12 @@ def source(group: Group) -> str:
         lines.append(f"    p[{i}] = q.{'xyzw'[i % 4]};")
     head: list[str] = []
     slots = group.brdf.slots()
+    if group.brdf.tables:
+        head.append(shader.ROW)
     for sampler, texture in group.textures.items():
+        if isinstance(texture, Table):
+            head.append(f"uniform sampler2D {sampler};")
+            continue
         head.append(
             f"uniform sampler2D {sampler};\nuniform mat3 {sampler}_uv;\nuniform ivec2 {sampler}_wrap;"
         )
@@ -213,7 +221,7 @@ def source(group: Group) -> str:
     body = (
         group.material.glsl
         if group.material is not None and group.material.glsl
-        else f"{shader.GLSL.power}\n{shader.function(group.brdf, shader.GLSL, 'model')}"
+        else f"{shader.GLSL.prelude}\n{shader.function(group.brdf, shader.GLSL, 'model')}"
     )
     return "\n".join([*head, *lines, "}", body])
 

@@ -7,6 +7,7 @@ import moderngl
 import numpy as np
 
 from interchange.material import Texture
+from interchange.table import Table
 from realtime.bodies import Bodies, Group
 from realtime.context import depth_texture
 from realtime.lamps import MAPS, REFERENCE, SHADOW, Sample, shadow_place
@@ -197,8 +198,8 @@ def set_opacity(
         bind(program, "opacity_map", uploads, material.opacity_map, 15)
 
 
-def bind(program: moderngl.Program, name: str, uploads: Uploads, texture: Texture, unit: int) -> None:
-    """A texture on a unit, with the uniforms that ``sampled`` takes."""
+def bind(program: moderngl.Program, name: str, uploads: Uploads, texture: Texture | Table, unit: int) -> None:
+    """A texture on a unit, with the uniforms that ``sampled`` takes, or a table."""
     picture = uploads.picture(texture)
     picture.texture.use(unit)
     put(program, **{name: unit, f"{name}_uv": picture.uv_from_st, f"{name}_wrap": picture.wrap})

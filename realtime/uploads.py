@@ -14,6 +14,7 @@ import numpy as np
 from interchange.light import Profile
 from interchange.material import Texture, Wrap
 from interchange.mesh import Mesh
+from interchange.table import Table
 from realtime.closed import is_closed
 
 VERTEX_FORMAT = "3f 3f 4f 2f"
@@ -40,7 +41,7 @@ class Geometry:
 class Picture:
     """A texture on the GPU, with the numbers by which the shader finds its way in it."""
 
-    record: Texture | Profile
+    record: Texture | Table | Profile
     texture: moderngl.Texture
     uv_from_st: tuple[float, ...] = ()  # column by column
     wrap: tuple[int, int] = (0, 0)
@@ -77,7 +78,7 @@ class Uploads:
         """(2, 3) of an uploaded mesh, body frame."""
         return self.geometry(mesh).bounds
 
-    def picture(self, texture: Texture) -> Picture:
+    def picture(self, texture: Texture | Table) -> Picture:
         return self._get(texture, self._upload_texture)
 
     def profile(self, profile: Profile) -> Picture:
@@ -108,11 +109,13 @@ class Uploads:
             mesh.bounds if count else np.zeros((2, 3)),
         )
 
-    def _upload_texture(self, record: Texture) -> Picture:
+    def _upload_texture(self, record: Texture | Table) -> Picture:
         height, width, channels = record.pixels.shape
         data = np.ascontiguousarray(record.pixels, np.float32).tobytes()
         texture = self.context.texture((width, height), channels, data, dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        if isinstance(record, Table):
+            return Picture(record, texture)
         order = list(Wrap)
         matrix = tuple(float(x) for x in np.asarray(record.uv_from_st, np.float64).T.ravel())
         return Picture(record, texture, matrix, (order.index(record.wrap[0]), order.index(record.wrap[1])))

@@ -12,6 +12,7 @@ import numpy as np
 
 from interchange.brdf.base import Brdf
 from interchange.brdf.lambert import Color
+from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
 
 
@@ -29,3 +30,6 @@ class BlinnPhong(Brdf):
         hx, hy, hz = (a + b for a, b in zip(wi, wo, strict=True))
         cos = np.maximum(hz, 0.0) / np.sqrt(np.square(hx) + np.square(hy) + np.square(hz))
         return self.diffuse / np.pi + self.specular * np.power(cos, self.n) / wi[2]  # type: ignore[operator]
+
+    def sampling(self, wo: Any) -> list[Lobe]:
+        return [Lobe(0.9, Shape.BLINN, width=self.n), Lobe(0.1)]

@@ -13,6 +13,7 @@ import numpy as np
 
 from interchange.brdf.base import Brdf
 from interchange.brdf.lambert import Color
+from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
 
 
@@ -35,3 +36,15 @@ class Lafortune(Brdf):
             cos = cx * wi[0] * wo[0] + cy * wi[1] * wo[1] + cz * wi[2] * wo[2]
             value = value + weight * np.power(np.maximum(cos, 0.0), n)
         return value
+
+    def sampling(self, wo: Any) -> list[Lobe]:
+        lobes: list[Lobe] = []
+        total: Any = 0.0
+        for weight, (cx, cy, cz), n in zip(self.weight, self.C, self.n, strict=True):
+            axis = (cx * wo[0], cy * wo[1], cz * wo[2])
+            length = np.sqrt(np.square(axis[0]) + np.square(axis[1]) + np.square(axis[2]))
+            # power of the lobe over the whole sphere: 2 pi / (n + 1) of its height
+            height = 1e-6 + weight * np.power(length, n) / (n + 1.0)
+            total = total + height
+            lobes.append(Lobe(height, Shape.POWER, axis, n))
+        return [*lobes, Lobe(0.1 * total)] if lobes else []

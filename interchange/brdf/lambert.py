@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from interchange.brdf.base import Brdf
+from interchange.brdf.sampling import Lobe
 from interchange.parameter import Kind, parameter
 
 Color = tuple[float, float, float]
@@ -22,3 +23,6 @@ class Lambert(Brdf):
 
     def f(self, wi: Any, wo: Any) -> Any:
         return self.diffuse / np.pi + 0.0 * wi[2]  # type: ignore[operator]  # one channel
+
+    def sampling(self, wo: Any) -> list[Lobe]:
+        return []  # the path tracer's own matte surface

@@ -14,6 +14,7 @@ import numpy as np
 
 from interchange.brdf.base import Brdf
 from interchange.brdf.lambert import Color
+from interchange.brdf.sampling import Lobe, Shape, mirror
 from interchange.parameter import Kind, parameter
 
 
@@ -30,3 +31,6 @@ class Phong(Brdf):
     def f(self, wi: Any, wo: Any) -> Any:
         mirror = np.maximum(wi[2] * wo[2] - wi[0] * wo[0] - wi[1] * wo[1], 0.0)
         return self.diffuse / np.pi + self.specular * np.power(mirror, self.n) / wi[2]  # type: ignore[operator]
+
+    def sampling(self, wo: Any) -> list[Lobe]:
+        return [Lobe(0.9, Shape.POWER, mirror(wo), self.n), Lobe(0.1)]

@@ -16,6 +16,7 @@ import numpy as np
 
 from interchange.brdf.base import Brdf
 from interchange.brdf.lambert import Color
+from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
 
 
@@ -59,6 +60,16 @@ class UsdPreviewSurface(Brdf):
             + fresnel * _ggx(self.roughness, wi[2], wo[2], cos2, sin2)
             + coat * _ggx(self.clearcoatRoughness, wi[2], wo[2], cos2, sin2)
         )
+
+    def sampling(self, wo: Any) -> list[Lobe]:
+        base: Any = self.diffuseColor
+        wide, narrow = (np.square(np.maximum(r, 0.03)) for r in (self.roughness, self.clearcoatRoughness))
+        grazing = 0.3 * np.power(np.maximum(1.0 - wo[2], 0.0), 5.0)
+        return [
+            Lobe(0.1 + base * (1.0 - self.metallic)),
+            Lobe(0.1 + base * self.metallic + grazing, Shape.GGX, width=wide),
+            Lobe(0.2 * self.clearcoat, Shape.GGX, width=narrow),
+        ]
 
 
 def _ggx(roughness: Any, cos_i: Any, cos_o: Any, cos2: Any, sin2: Any) -> Any:

@@ -4,13 +4,14 @@ The importers build their stages from these, and ``author_scene`` writes a ``Sce
 Lengths come in metres and are written in the stage's unit, poses in its up axis.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from interchange.brdf import Brdf
+from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
 from interchange.frames import camera_from_gl, z_up_from_y_up
@@ -18,7 +19,7 @@ from interchange.light import Light, LightKind
 from interchange.material import Material, Texture
 from interchange.mesh import Mesh
 from interchange.parameter import Kind as ParameterKind
-from interchange.parameter import parameters
+from interchange.parameter import parameters, settings, tables
 from interchange.scene import Scene
 
 TYPES = {
@@ -130,8 +131,7 @@ def author_material(stage: Usd.Stage, path: str, material: Material) -> UsdShade
         if material.glsl:
             shader.SetSourceCode(material.glsl, "glsl")
         else:
-            shader.CreateIdAttr(type(material.brdf).__name__)
-            _author_inputs(shader, material.brdf, material.maps)
+            author_brdf(stage, shader, material.brdf, material.maps)
         usd.CreateSurfaceOutput("brdf").ConnectToSource(
             shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
         )
@@ -150,7 +150,26 @@ def preview_of(brdf: Brdf) -> UsdPreviewSurface:
     return UsdPreviewSurface(diffuseColor=tuple(diffuse), roughness=float(roughness))
 
 
-def _author_inputs(shader: UsdShade.Shader, brdf: Brdf, maps: dict[str, Texture]) -> None:
+def author_brdf(stage: Usd.Stage, shader: UsdShade.Shader, brdf: Brdf, maps: Mapping[str, Texture]) -> None:
+    """A BRDF's name and numbers on ``shader``; the parts of a sum become shaders below it, connected to its inputs."""
+    shader.CreateIdAttr(type(brdf).__name__)
+    if not isinstance(brdf, Sum):
+        _author_inputs(shader, brdf, maps)
+        return
+    for k, (weight, part) in enumerate(zip(brdf.weight, brdf.parts, strict=True)):
+        if f"weight{k}" in maps:
+            _author_texture(shader, f"weight{k}", maps[f"weight{k}"])
+        else:
+            shader.CreateInput(f"weight{k}", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*weight))
+        inner = UsdShade.Shader.Define(stage, shader.GetPath().AppendChild(f"Part{k}"))
+        head = f"part{k}_"
+        own = {name.removeprefix(head): t for name, t in maps.items() if name.startswith(head)}
+        author_brdf(stage, inner, part, own)
+        source = inner.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+        shader.CreateInput(f"part{k}", Sdf.ValueTypeNames.Token).ConnectToSource(source)
+
+
+def _author_inputs(shader: UsdShade.Shader, brdf: Brdf, maps: Mapping[str, Texture]) -> None:
     defaults = type(brdf)()
     for name, about in parameters(brdf).items():
         value = getattr(brdf, name)
@@ -163,6 +182,11 @@ def _author_inputs(shader: UsdShade.Shader, brdf: Brdf, maps: dict[str, Texture]
         if name == "useSpecularWorkflow":
             kind, value = Sdf.ValueTypeNames.Int, int(value)
         shader.CreateInput(name, kind).Set(usd_value(value, about.kind, about.per_lobe))
+    for name in settings(brdf):
+        shader.CreateInput(name, Sdf.ValueTypeNames.Int).Set(getattr(brdf, name))
+    for name in tables(brdf):
+        rows = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(getattr(brdf, name).values))
+        shader.CreateInput(name, Sdf.ValueTypeNames.Color3fArray).Set(rows)
 
 
 def usd_value(value: Any, kind: ParameterKind, per_lobe: bool) -> Any:

@@ -13,10 +13,20 @@ from pxr import Usd, UsdShade
 
 from interchange.brdf import BY_NAME, Brdf
 from interchange.brdf.lambert import Lambert
+from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.formats.usd_values import Finder, asset
 from interchange.material import Material, Texture, Wrap
-from interchange.parameter import Kind, Parameter, ParameterError, parameters
+from interchange.parameter import (
+    Kind,
+    Parameter,
+    ParameterError,
+    Setting,
+    TableOf,
+    parameters,
+    settings,
+    tables,
+)
 from interchange.problems import FileError, did_you_mean
 
 TextureLoader = Callable[[str, str, tuple[float, ...], tuple[float, ...], str], Texture]
@@ -77,6 +87,7 @@ class _Reader:
     def __init__(self, time: Usd.TimeCode, find: Finder, load: TextureLoader) -> None:
         self.time, self.find, self.load = time, find, load
         self.uv_name = ""
+        self.depth = 0
 
     def model(self, shader: UsdShade.Shader) -> Material:
         prim, name = shader.GetPrim(), str(shader.GetIdAttr().Get())
@@ -87,8 +98,10 @@ class _Reader:
             )
             return Material()
         model = BY_NAME[name]
+        if model is Sum:
+            return self._sum(shader)
         values, maps = {}, {}
-        declared = parameters(model)
+        declared: dict[str, Any] = {**parameters(model), **settings(model), **tables(model)}
         for given in shader.GetInputs():
             word = given.GetBaseName()
             if word in BESIDE and model is UsdPreviewSurface:
@@ -99,11 +112,49 @@ class _Reader:
                 )
                 continue
             value, texture = self.input(given, declared[word])
-            if texture is not None:
+            if texture is not None and not isinstance(declared[word], Parameter):
+                self.find.error("This input must be a value; it takes no texture.", prim, f"inputs:{word}")
+            elif texture is not None:
                 maps[word] = texture
             elif value is not None:
                 values[word] = value
         return Material(brdf=self._build(model, values, prim), maps=maps)
+
+    def _sum(self, shader: UsdShade.Shader) -> Material:
+        """weight0, part0, weight1, part1 ...: every part is a shader that is connected."""
+        prim = shader.GetPrim()
+        inputs = {given.GetBaseName(): given for given in shader.GetInputs()}
+        count = sum(name.startswith("part") for name in inputs)
+        expected = {f"{word}{k}" for word in ("part", "weight") for k in range(count)}
+        for word in inputs.keys() - expected:
+            self.find.error(
+                f"Sum has inputs part0, weight0, part1, weight1 ...; got {word}.", prim, f"inputs:{word}"
+            )
+        self.depth += 1
+        parts, weights, maps = [], [], {}
+        for k in range(count):
+            given = inputs.get(f"part{k}")
+            sources, _ = given.GetConnectedSources() if given else ([], [])
+            inner = UsdShade.Shader(sources[0].source.GetPrim()) if sources else UsdShade.Shader()
+            if not inner or self.depth > 8:
+                self.find.error(
+                    "A part of a Sum must be connected to a BRDF shader, at most 8 deep.",
+                    prim,
+                    f"inputs:part{k}",
+                )
+                continue
+            part = self.model(inner)
+            weight, texture = (
+                self.input(inputs[f"weight{k}"], None) if f"weight{k}" in inputs else (1.0, None)
+            )
+            if texture is not None:
+                maps[f"weight{k}"] = texture
+            maps |= {f"part{k}_{name}": found for name, found in part.maps.items()}
+            parts.append(part.brdf)
+            weights.append(np.broadcast_to(1.0 if weight is None else weight, 3))
+        self.depth -= 1
+        built = self._build(Sum, {"weight": tuple(map(tuple, weights)), "parts": tuple(parts)}, prim)
+        return Material(brdf=built, maps=maps)
 
     def _build(self, model: type[Brdf], values: dict[str, Any], prim: Usd.Prim) -> Brdf:
         try:
@@ -112,7 +163,9 @@ class _Reader:
             self.find.error(str(error), prim)
             return model()
 
-    def input(self, given: UsdShade.Input, about: Parameter | None) -> tuple[Any, Texture | None]:
+    def input(
+        self, given: UsdShade.Input, about: Parameter | Setting | TableOf | None
+    ) -> tuple[Any, Texture | None]:
         """(value, None) or (None, texture) of an input; (None, None) where it says nothing."""
         for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
             kind = UsdShade.Utils.GetType(attribute.GetName())
@@ -123,6 +176,10 @@ class _Reader:
             value = attribute.Get(self.time)
             if value is None:
                 return None, None
+            if isinstance(about, Setting):
+                return value, None
+            if isinstance(about, TableOf):
+                return np.array(value, np.float32), None
             if about is not None and about.per_lobe and about.kind is not Kind.FLOAT:
                 return [tuple(map(float, v)) for v in value], None
             return (tuple(map(float, value)) if hasattr(value, "__len__") else float(value)), None

@@ -12,7 +12,7 @@ from typing import Any
 from interchange import shader
 from interchange.brdf import BY_NAME
 from interchange.formats.usd_author import TYPES
-from interchange.parameter import parameters
+from interchange.parameter import parameters, settings, tables
 from interchange.problems import Problem, Severity, Where
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="brightfield-shaders-")  # goes with the process
@@ -35,6 +35,10 @@ def _validators() -> Any:
         prim.SetSourceAsset(Sdf.AssetPath(str(source)), "glslfx")
         for word, about in parameters(model).items():
             prim.CreateInput(word, TYPES[about.kind, about.per_lobe])
+        for word in settings(model):
+            prim.CreateInput(word, Sdf.ValueTypeNames.Int)
+        for word in tables(model):
+            prim.CreateInput(word, Sdf.ValueTypeNames.Color3fArray)
         prim.CreateOutput("surface", Sdf.ValueTypeNames.Token)
         results += UsdShade.ShaderDefUtils.GetDiscoveryResults(prim, str(folder / "shaderDefs.usda"))
     definitions.GetRootLayer().Save()

@@ -1,17 +1,21 @@
 """What any BRDF must be, whatever its formula. A new file in interchange/brdf is tested here unasked."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interchange.brdf import BY_NAME, MODELS
+from interchange.brdf import BY_NAME, MODELS, Brdf
 from interchange.brdf.blinn_phong import BlinnPhong
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lambert import Lambert
 from interchange.brdf.phong import Phong
+from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
-from interchange.parameter import Kind, ParameterError, parameters
+from interchange.parameter import Kind, ParameterError, parameters, tables
+from interchange.parameter import settings as settings_of
 
 every_brdf = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS.keys())
 
@@ -27,7 +31,10 @@ def directions(draw):
 
 @st.composite
 def brdfs(draw, model):
-    """A model with parameters drawn from their declared bounds; exponents up to 200, so that float32 can follow."""
+    """A model with parameters drawn from their declared bounds (exponents up to 200), edges included, or as the
+    model itself draws them."""
+    if model.drawn.__func__ is not Brdf.drawn.__func__:
+        return model.drawn(np.random.default_rng(draw(st.integers(0, 1 << 32))), draw(st.integers(1, 3)))
     lobes = draw(st.integers(0, 3))
     values = {}
     for name, about in parameters(model).items():
@@ -87,8 +94,15 @@ def test_an_unequal_treatment_of_azimuth_is_declared(model):
 @every_brdf
 def test_names_its_source_and_its_parameters(model):
     assert model.source
-    assert parameters(model)
-    assert list(model().slots()) == list(parameters(model))
+    assert parameters(model) or tables(model)
+    slots = model().slots()
+    assert sorted(i for slot in slots.values() for i in slot) == list(range(len(model().flat())))
+
+
+@every_brdf
+def test_other_numbers_make_the_same_model(model):
+    brdf = model.drawn(np.random.default_rng(3), 2)
+    assert brdf.with_flat(brdf.flat()) == brdf
 
 
 def test_lambert_reflects_its_albedo():
@@ -155,3 +169,21 @@ def test_catalogue_is_found_by_folder():
 
 def test_a_bound_that_a_file_rounded_to_single_precision_is_still_inside():
     assert Phong(n=float(np.float32(0.01))).n < 0.01
+
+
+@every_brdf
+def test_every_field_is_declared(model):
+    declared = {**parameters(model), **settings_of(model), **tables(model)}
+    assert {f.name for f in fields(model)} - {"parts"} == set(declared)
+
+
+def test_a_sum_is_the_sum_and_is_bound_by_its_parts():
+    wi, wo = np.array([0.6, 0.0, 0.8]), np.array([-0.3, 0.4, np.sqrt(0.75)])
+    phong, lafortune = Phong(0.2, 0.3, 10), Lafortune(0.1, weight=[1.0], C=[(-1, -1, 1)], n=[5])
+    inner = Sum(weight=[(1, 2, 3)], parts=(phong,))
+    both = Sum(weight=[(0.25, 0.25, 0.25), (0.5, 0.6, 0.7)], parts=(lafortune, inner))
+    expected = 0.25 * lafortune.evaluate(wi, wo) + np.array([0.5, 1.2, 2.1]) * phong.evaluate(wi, wo)
+    assert both.evaluate(wi, wo) == pytest.approx(expected, rel=1e-12)
+    assert "part1_part0_n" in both.slots()
+    with pytest.raises(ParameterError, match="as many weights as parts"):
+        Sum(weight=[1.0], parts=())

@@ -180,7 +180,7 @@ def _glsl(effect: Any, material: Material, version: str) -> None:
         numbers = ", ".join(f"{x:.9g}" for x in material.brdf.flat())
         count = len(material.brdf.flat())
         code = (
-            f"// {name} in 1/sr; wi to the light, wo to the camera, in the shading frame\n{GLSL.power}\n"
+            f"// {name} in 1/sr; wi to the light, wo to the camera, in the shading frame\n{GLSL.prelude}\n"
             f"{function(material.brdf, GLSL, 'model')}"
             f"vec3 evaluate(vec3 wi, vec3 wo) {{ return model(wi, wo, float[{count}]({_decimals(numbers)})); }}\n"
         )
