@@ -12,6 +12,7 @@ import numpy as np
 
 from composer.aligned import Description
 from interchange.camera import Camera, Projection
+from interchange.distortion import NAMES
 from interchange.formats import exr, images, measurements, photometry
 from interchange.formats.base import Options
 from interchange.formats.document import Document, format_of, open_scene
@@ -175,8 +176,9 @@ def _camera(camera: Camera) -> Description:
     found["f_number"] = lens.f_stop or "pinhole"
     found["position_mm"] = list(np.round(1000 * camera.world_from_camera[:3, 3], 6) + 0.0)
     found["looks_along"] = list(camera.world_from_camera[:3, 2])
-    if any(lens.distortion):
-        found["distortion"] = list(lens.distortion)
+    if lens.distorts:
+        found["lens_model"] = lens.model.value
+        found["distortion"] = dict(zip(NAMES[lens.model], lens.distortion, strict=False))
     found["bit_depth"] = camera.sensor.bit_depth
     found["exposure_s"] = camera.t_exp
     return found

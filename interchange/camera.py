@@ -5,7 +5,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from interchange.parameter import freeze, parameter
+from interchange.distortion import LensModel, distort, padded, undistort
+from interchange.parameter import ParameterError, freeze, parameter
 from interchange.problems import Where
 
 
@@ -16,16 +17,38 @@ class Projection(StrEnum):
 
 @dataclass(frozen=True)
 class Lens:
-    """``distortion``: k1, k2, p1, p2, k3, k4, k5, k6 in OpenCV's order and sense. ``f_stop`` 0 is a pinhole."""
+    """``distortion``: k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, τx, τy in OpenCV's order and sense (8 or 14
+    numbers; fewer are filled up with zeros), or a fisheye's k1, k2, k3, k4: interchange.distortion has the formulas.
+    ``f_stop`` 0 is a pinhole."""
 
     focal_length: float = parameter(25e-3, "f", "m", 1e-6, 1e3, "principal distance")
     f_stop: float = parameter(0.0, "N", "1", 0, 1e3, "f-number; 0 is a pinhole")
     focus_distance: float = parameter(0.0, "z_f", "m", 0, 1e6, "distance in focus; 0 is not set")
-    distortion: tuple[float, ...] = (0.0,) * 8
+    distortion: tuple[float, ...] = ()
     projection: Projection = Projection.PERSPECTIVE
+    model: LensModel = LensModel.OPENCV
 
     def __post_init__(self) -> None:
         freeze(self)
+        try:
+            object.__setattr__(self, "distortion", padded(self.distortion, self.model))
+        except ValueError as error:
+            raise ParameterError(str(error)) from None
+        if self.model is LensModel.FISHEYE and self.projection is not Projection.PERSPECTIVE:
+            raise ParameterError(f"A fisheye lens must be perspective; got {self.projection}.")
+
+    @property
+    def distorts(self) -> bool:
+        """Whether straight lines may be imaged bent; a fisheye's always are."""
+        return self.model is LensModel.FISHEYE or any(self.distortion)
+
+    def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normalised image coordinates after the lens."""
+        return distort(x, y, self.distortion, self.model)
+
+    def undistort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Before the lens; NaN where the lens images nothing."""
+        return undistort(x, y, self.distortion, self.model)
 
 
 @dataclass(frozen=True)
@@ -87,23 +110,22 @@ class Camera:
         )
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """World points (..., 3) -> pixels (..., 2); NaN behind a perspective camera. OpenCV's rational model."""
+        """World points (..., 3) -> pixels (..., 2); NaN behind a perspective camera."""
         p = points @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
         if self.lens.projection is Projection.PERSPECTIVE:
             z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
             x, y = p[..., 0] / z, p[..., 1] / z
         else:
             x, y = p[..., 0], p[..., 1]
-        x, y = distort(x, y, self.lens.distortion)
+        x, y = self.lens.distort(x, y)
         K = self.K
         return np.stack([K[0, 0] * x + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
 
     def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """World origins and unit directions (..., 3) of the rays through ``pixels`` (..., 2)."""
+        """World origins and unit directions (..., 3) of the rays through ``pixels`` (..., 2); NaN where
+        the lens images nothing."""
         K = self.K
-        x, y = undistort(
-            (pixels[..., 0] - K[0, 2]) / K[0, 0], (pixels[..., 1] - K[1, 2]) / K[1, 1], self.lens.distortion
-        )
+        x, y = self.lens.undistort((pixels[..., 0] - K[0, 2]) / K[0, 0], (pixels[..., 1] - K[1, 2]) / K[1, 1])
         one = np.ones_like(x)
         if self.lens.projection is Projection.PERSPECTIVE:
             origin, direction = np.zeros((*x.shape, 3)), np.stack([x, y, one], axis=-1)
@@ -112,40 +134,3 @@ class Camera:
         direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
         R, t = self.world_from_camera[:3, :3], self.world_from_camera[:3, 3]
         return origin @ R.T + t, direction @ R.T
-
-
-def distort(x: np.ndarray, y: np.ndarray, d: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Normalised image coordinates after the lens: OpenCV's rational radial and tangential model."""
-    if not any(d):
-        return x, y
-    k1, k2, p1, p2, k3, k4, k5, k6 = d
-    r2 = x * x + y * y
-    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    return (
-        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-    )
-
-
-def undistort(x: np.ndarray, y: np.ndarray, d: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """The inverse of ``distort`` by Newton's method; NaN where the model folds and there is none."""
-    if not any(d):
-        return x, y
-    k1, k2, p1, p2, k3, k4, k5, k6 = d
-    u, v = np.array(x, np.float64), np.array(y, np.float64)
-    for _ in range(20):
-        r2 = u * u + v * v
-        num, den = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-        q = num / den
-        dq = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) * den - num * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / (
-            den * den
-        )
-        xx = q + 2 * u * u * dq + 2 * p1 * v + 6 * p2 * u
-        xy = 2 * u * v * dq + 2 * p1 * u + 2 * p2 * v
-        yy = q + 2 * v * v * dq + 6 * p1 * v + 2 * p2 * u
-        fx, fy = distort(u, v, d)
-        ex, ey, det = fx - x, fy - y, xx * yy - xy * xy
-        u, v = u - (yy * ex - xy * ey) / det, v - (xx * ey - xy * ex) / det
-    fx, fy = distort(u, v, d)
-    bad = ~(np.hypot(fx - x, fy - y) < 1e-9)
-    return np.where(bad, np.nan, u), np.where(bad, np.nan, v)

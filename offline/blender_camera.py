@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from interchange.camera import Camera, Projection
+from interchange.distortion import NAMES, LensModel, tilted
 from interchange.frames import camera_from_gl
 from offline.blender_matrix import matrix
 from offline.blender_shader import compiled
@@ -68,10 +69,17 @@ class BlenderCamera:
             data.custom_bytecode, data.custom_bytecode_hash = code, digest
         data.clip_start, data.clip_end = 1e-9, camera.clip[1] * 10
         data.shift_x = data.shift_y = 0.0  # Blender shifts this kind as well
-        names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+        fisheye = lens.model is LensModel.FISHEYE
+        d = lens.distortion + (0.0,) * (14 - len(lens.distortion))
+        names = (
+            ("fisheye_k1", "fisheye_k2", "fisheye_k3", "fisheye_k4") if fisheye else NAMES[lens.model][:12]
+        )
+        upright = np.linalg.inv(tilted(*(d[12:] if not fisheye else (0.0, 0.0))))
+        none = dict.fromkeys((*NAMES[LensModel.OPENCV][:12], *(f"fisheye_k{i}" for i in range(1, 5))), 0.0)
         values: dict[str, Any] = {
             "width": width, "height": height, "fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2],
-            **dict(zip(names, lens.distortion, strict=True)),
+            **none, **dict(zip(names, d, strict=False)), "fisheye": fisheye,
+            **{f"t{i}{j}": upright[i, j] for i in range(3) for j in range(3)},
             "orthographic": lens.projection is Projection.ORTHOGRAPHIC, "near": camera.clip[0],
         }  # fmt: skip
         for name, value in values.items():

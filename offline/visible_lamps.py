@@ -55,7 +55,7 @@ def _window(light: Light, camera: Camera) -> tuple[slice, slice]:
     size = max(light.radius, light.width / 2, light.height / 2) + light.length / 2
     corners = size * (np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]))
     pixels = camera.project(corners + light.world_from_light[:3, 3])
-    if np.isnan(pixels).any() or any(camera.lens.distortion):
+    if np.isnan(pixels).any() or camera.lens.distorts:
         return whole
     low, high = np.floor(pixels.min(0)).astype(int) - 1, np.ceil(pixels.max(0)).astype(int) + 2
     (c0, r0), (c1, r1) = (np.clip(p, 0, [width, height]) for p in (low, high))

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from interchange.camera import Camera, Projection, distort, undistort
+from interchange.camera import Camera, Projection
+from interchange.distortion import LensModel
 from interchange.problems import BrightfieldError
 
 MAX_PIXELS = 400_000_000
@@ -19,7 +20,7 @@ MAX_PIXELS = 400_000_000
 def is_native(camera: Camera) -> bool:
     """Whether Cycles' own camera draws this one: square pixels and no distortion."""
     K = camera.K
-    return bool(abs(K[0, 0] / K[1, 1] - 1) < 1e-7) and not any(camera.lens.distortion)
+    return bool(abs(K[0, 0] / K[1, 1] - 1) < 1e-7) and not camera.lens.distorts
 
 
 def oversampling(samples: int) -> int:
@@ -40,9 +41,13 @@ def wide_camera(camera: Camera, fine: int) -> Camera:
             for x in (-0.5, width - 0.5)
         ]
     )
-    x, y = undistort(
-        (border[:, 0] - K[0, 2]) / K[0, 0], (border[:, 1] - K[1, 2]) / K[1, 1], camera.lens.distortion
-    )
+    x, y = camera.lens.undistort((border[:, 0] - K[0, 2]) / K[0, 0], (border[:, 1] - K[1, 2]) / K[1, 1])
+    if np.isnan(x).any() and camera.lens.model is LensModel.FISHEYE:
+        raise BrightfieldError(
+            f"A fisheye lens must see less than 180° on every pixel to be drawn through a pinhole image; focal lengths "
+            f"{K[0, 0]:g}, {K[1, 1]:g} px with distortion {camera.lens.distortion} see more in the corners of "
+            f"{width} x {height} px. ({camera.where or camera.name})"
+        )
     if np.isnan(x).any():
         raise BrightfieldError(
             f"The lens distortion must be invertible over the whole image; {camera.lens.distortion} folds inside it. "
@@ -60,7 +65,7 @@ def wide_camera(camera: Camera, fine: int) -> Camera:
     pitch = (camera.lens.focal_length if perspective else 1.0) / f
     return replace(
         camera,
-        lens=replace(camera.lens, distortion=(0.0,) * 8),
+        lens=replace(camera.lens, distortion=(), model=LensModel.OPENCV),
         sensor=replace(camera.sensor, resolution=(int(size[0]), int(size[1])), pixel_pitch=(pitch, pitch)),
         principal_point=(float(-low[0] - 0.5), float(-low[1] - 0.5)),
     )
@@ -72,9 +77,9 @@ def gather(planes: dict[str, np.ndarray], wide: Camera, camera: Camera) -> dict[
     fine, K = wide.K, camera.K
     column, row = np.meshgrid(np.arange(w), np.arange(h))
     x, y = (column - fine[0, 2]) / fine[0, 0], (row - fine[1, 2]) / fine[1, 1]
-    u, v = distort(x, y, camera.lens.distortion)
-    back_x, back_y = undistort(u, v, camera.lens.distortion)
+    u, v = camera.lens.distort(x, y)
     with np.errstate(invalid="ignore"):
+        back_x, back_y = camera.lens.undistort(u, v)
         seen = np.hypot(back_x - x, back_y - y) < 1e-6  # else beyond the fold: another point is imaged here
     across = _shares(K[0, 0] * u + K[0, 2], axis=1)
     down = _shares(K[1, 1] * v + K[1, 2], axis=0)
@@ -103,7 +108,7 @@ def pick(plane: np.ndarray, wide: Camera, camera: Camera) -> np.ndarray:
     """(H, W, C) of a plane (h, w, C) seen by ``wide``, at the fine pixels nearest to the sensor's pixel centres."""
     (width, height), K, fine = camera.sensor.resolution, camera.K, wide.K
     column, row = np.meshgrid(np.arange(width), np.arange(height))
-    x, y = undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1], camera.lens.distortion)
+    x, y = camera.lens.undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1])
     i, j = np.rint(fine[0, 0] * x + fine[0, 2]).astype(int), np.rint(fine[1, 1] * y + fine[1, 2]).astype(int)
     return np.asarray(plane[j, i])
 

@@ -10,7 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from interchange.camera import Camera, Projection, undistort
+from interchange.camera import Camera, Projection
+from interchange.distortion import LensModel, undistort
 from interchange.problems import BrightfieldError
 
 FINENESS = 2.0  # texels a pixel where the lens magnifies most
@@ -30,11 +31,12 @@ class Lensmap:
 
 def lensmap(camera: Camera) -> Lensmap | None:
     """The map of a camera, None without distortion."""
-    if not any(camera.lens.distortion):
+    if not camera.lens.distorts:
         return None
     telecentric = camera.lens.projection is Projection.ORTHOGRAPHIC
     return _lensmap(
         camera.lens.distortion,
+        camera.lens.model,
         tuple(camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]),
         camera.sensor.resolution,
         telecentric,
@@ -43,12 +45,16 @@ def lensmap(camera: Camera) -> Lensmap | None:
 
 @lru_cache(maxsize=8)
 def _lensmap(
-    distortion: tuple[float, ...], k: tuple[float, ...], resolution: tuple[int, int], telecentric: bool
+    distortion: tuple[float, ...],
+    model: LensModel,
+    k: tuple[float, ...],
+    resolution: tuple[int, int],
+    telecentric: bool,
 ) -> Lensmap:
     (fx, fy, cx, cy), (width, height) = k, resolution
     column, row = np.meshgrid(np.arange(width + 1) - 0.5, np.arange(height + 1) - 0.5)
     with np.errstate(all="ignore"):
-        d = np.stack(undistort((column - cx) / fx, (row - cy) / fy, distortion), axis=-1)
+        d = np.stack(undistort((column - cx) / fx, (row - cy) / fy, distortion, model), axis=-1)
     seen = np.isfinite(d).all(axis=-1)
     if not seen.any():
         raise BrightfieldError(

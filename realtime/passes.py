@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interchange.camera import Camera, undistort
+from interchange.camera import Camera
 from interchange.frames import apply
 from interchange.scene import Scene
 from realtime.gbuffer import NOTHING, GBuffer
@@ -43,9 +43,7 @@ def centre(
         found = plane[..., 3] > NOTHING
     else:
         K = camera.K
-        d = np.stack(
-            undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1], camera.lens.distortion), -1
-        )
+        d = np.stack(camera.lens.undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]), axis=-1)
         window = d * view.focal + view.centre
         finite = np.isfinite(window).all(axis=-1)
         texel = np.where(finite[..., None], np.floor(np.nan_to_num(window)), 0).astype(int)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.distortion import LensModel
 from interchange.formats.atomic import written_beside
 from interchange.formats.base import Format, Options
 from interchange.formats.exr_header import MAGIC, Header, read_header, size
@@ -228,6 +229,7 @@ def _camera(record: dict[str, Any]) -> Camera:
                 **lens,
                 "distortion": tuple(lens["distortion"]),
                 "projection": Projection(lens["projection"]),
+                "model": LensModel(lens.get("model", "opencv")),
             }
         ),
         sensor=Sensor(

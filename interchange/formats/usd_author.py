@@ -14,6 +14,7 @@ from interchange.brdf import Brdf
 from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
+from interchange.distortion import LensModel
 from interchange.frames import camera_from_gl, z_up_from_y_up
 from interchange.light import Light, LightKind
 from interchange.material import Material, Texture
@@ -324,6 +325,8 @@ def author_camera(stage: Usd.Stage, path: str, camera: Camera) -> UsdGeom.Camera
         prim.CreateAttribute("lens:distortion", names.FloatArray, custom=True).Set(
             list(camera.lens.distortion)
         )
+    if camera.lens.model is not LensModel.OPENCV:
+        prim.CreateAttribute("lens:model", names.Token, custom=True).Set(camera.lens.model.value)
     set_matrix(usd, world_matrix(stage, camera.world_from_camera @ camera_from_gl))
     return usd
 

@@ -6,6 +6,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.distortion import LensModel
 from interchange.formats.usd_values import Finder, rigid
 from interchange.frames import gl_from_camera
 from interchange.parameter import ParameterError
@@ -57,13 +58,10 @@ def read_camera(
     offset = offset * tenth / pitch
     principal = ((width - 1) / 2 - offset[0], (height - 1) / 2 + offset[1])
     given = {ours: find.value(prim, name, time) for name, ours in SENSOR.items()}
-    distortion = tuple(float(d) for d in find.value(prim, "lens:distortion", time) or ())
-    if len(distortion) > 8 or not np.isfinite(distortion).all():
-        find.error(
-            f"lens:distortion must hold up to eight finite numbers (k1 k2 p1 p2 k3 k4 k5 k6); got {distortion}.",
-            prim,
-            "lens:distortion",
-        )
+    model = find.value(prim, "lens:model", time) or LensModel.OPENCV.value
+    if model not in list(LensModel):
+        known = ", ".join(LensModel)
+        find.error(f'lens:model must be one of {known}; got "{model}".', prim, "lens:model")
         return None
     f_stop = usd.GetFStopAttr().Get(time)
     focus = usd.GetFocusDistanceAttr().Get(time) * unit
@@ -79,7 +77,8 @@ def read_camera(
             focal_length=usd.GetFocalLengthAttr().Get(time) * tenth,
             f_stop=f_stop if focus > 0 else 0.0,  # without a distance in focus, f-stop says exposure alone
             focus_distance=focus,
-            distortion=distortion + (0.0,) * (8 - len(distortion)),
+            distortion=tuple(find.value(prim, "lens:distortion", time) or ()),
+            model=LensModel(model),
             projection=Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
         )
         sensor = Sensor(

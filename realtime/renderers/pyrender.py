@@ -122,7 +122,7 @@ class Pyrender:
 
 def _camera(library: Any, camera: Camera, near: float, far: float) -> Any:
     (width, height), K = camera.sensor.resolution, camera.K
-    if any(camera.lens.distortion):
+    if camera.lens.distorts:
         raise BrightfieldError(f"pyrender draws no lens distortion. ({str(camera.where) or camera.name})")
     if camera.lens.projection is Projection.PERSPECTIVE:
         edge = K[:2, 2] + 0.5  # pyrender counts from the image's corner

@@ -1,5 +1,7 @@
 """The camera model is OpenCV's."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interchange.camera import Camera, Lens, Projection, Sensor, undistort
-from interchange.frames import look_at
+from interchange.distortion import LensModel, widest
+from interchange.frames import apply, look_at
+from interchange.parameter import ParameterError
 
 DISTORTION = (-0.28, 0.11, 0.0012, -0.0009, 0.02, 0.03, -0.01, 0.004)
 
@@ -61,3 +65,62 @@ def test_half_the_width_shows_the_same_field():
     whole, half = camera(), camera().resized(640)
     corner = whole.rays(np.array([-0.5, -0.5]))[1]
     assert half.rays(np.array([-0.5, -0.5]))[1] == pytest.approx(corner, abs=1e-12)
+
+
+FOURTEEN = (*DISTORTION, 0.003, -0.002, -0.004, 0.001, 0.05, -0.03)
+KANNALA = (-0.03, 0.01, -0.004, 0.001)
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_every_opencv_model_is_opencvs(count):
+    points = np.random.default_rng(count).uniform(-0.1, 0.1, (200, 3))
+    d = FOURTEEN[:count]
+    c = camera(d)
+    rvec, _ = cv2.Rodrigues(c.camera_from_world[:3, :3])
+    expected, _ = cv2.projectPoints(points, rvec, c.camera_from_world[:3, 3], c.K, np.array(d))
+    pixels = c.project(points)
+    assert pixels == pytest.approx(expected[:, 0], abs=1e-9)
+    origin, direction = c.rays(pixels)
+    back = np.cross(points - origin, direction)  # 1e-11 m at 0.6 m is 1e-8 px
+    assert np.abs(back).max() < 1e-11
+
+
+def test_fisheye_is_opencvs():
+    """Up to 85° from the axis."""
+    angle, turn = np.random.default_rng(1).uniform(0, [np.radians(85), 2 * np.pi], (200, 2)).T
+    rays = np.stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.cos(angle)], -1)
+    c = camera()
+    c = replace(c, lens=Lens(2e-3, distortion=KANNALA, model=LensModel.FISHEYE))
+    points = apply(c.world_from_camera, rays)
+    rvec, _ = cv2.Rodrigues(c.camera_from_world[:3, :3])
+    expected, _ = cv2.fisheye.projectPoints(
+        points[:, None], rvec, c.camera_from_world[:3, 3], c.K, np.array(KANNALA)
+    )
+    pixels = c.project(points)
+    assert pixels == pytest.approx(expected[:, 0], abs=1e-9)
+    assert c.rays(pixels)[1] == pytest.approx(rays @ c.world_from_camera[:3, :3].T, abs=1e-12)
+
+
+def test_a_fisheye_sees_nothing_at_right_angles_or_where_its_image_shrinks():
+    lens = Lens(distortion=(0, 0, 0, 0), model=LensModel.FISHEYE)
+    x, _ = lens.undistort(np.array([1.57, 1.58]), np.zeros(2))
+    assert np.isfinite(x[0])
+    assert np.isnan(x[1])
+    turned = Lens(distortion=(-0.3, 0, 0, 0), model=LensModel.FISHEYE)  # grows up to θ = 1.054
+    x, _ = turned.undistort(np.array([0.70, 0.71]), np.zeros(2))
+    assert np.tan(widest(turned.distortion)) > x[0] > 1
+    assert np.isnan(x[1])
+
+
+def test_distortion_is_filled_up_with_zeros():
+    assert Lens(distortion=FOURTEEN[:5]).distortion == (*FOURTEEN[:5], 0, 0, 0)
+    assert Lens(distortion=FOURTEEN[:12]).distortion == (*FOURTEEN[:12], 0, 0)
+    assert Lens(distortion=(*FOURTEEN[:8], 0, 0, 0, 0, 0, 0)).distortion == FOURTEEN[:8]
+    with pytest.raises(ParameterError, match="up to 14 finite numbers"):
+        Lens(distortion=(0.0,) * 15)
+    with pytest.raises(ParameterError, match="up to 4 finite numbers"):
+        Lens(distortion=(0.0,) * 5, model=LensModel.FISHEYE)
+    with pytest.raises(ParameterError, match="finite"):
+        Lens(distortion=(np.nan,))
+    with pytest.raises(ParameterError, match="perspective"):
+        Lens(model=LensModel.FISHEYE, projection=Projection.ORTHOGRAPHIC)

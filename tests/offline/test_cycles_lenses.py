@@ -1,0 +1,74 @@
+"""Every lens model through the path tracer: geometry by its programmable camera, light by the wide pinhole."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from interchange.brdf.lambert import Lambert
+from interchange.camera import Camera, Lens, Sensor
+from interchange.distortion import LensModel
+from interchange.frames import look_at
+from interchange.light import Light, LightKind
+from interchange.material import Material
+from interchange.problems import BrightfieldError
+from interchange.scene import Body, Scene
+from offline.settings import CyclesSettings
+
+FOURTEEN = (-0.28, 0.11, 0.0012, -0.0009, 0.02, 0.03, -0.01, 0.004, 0.01, -0.003, -0.008, 0.002, 0.06, -0.04)
+LENSES = {
+    "14 parameters": Lens(2e-3, distortion=FOURTEEN),
+    "fisheye": Lens(1e-3, distortion=(-0.03, 0.01, -0.004, 0.001), model=LensModel.FISHEYE),
+    "fisheye without coefficients": Lens(1e-3, model=LensModel.FISHEYE),
+}
+POSE = look_at(np.array([0.3, -0.4, 1.6]), np.array([0.05, 0, 0]))
+
+
+def camera(lens: Lens) -> Camera:
+    return Camera("c", POSE, lens, Sensor((80, 60), (2.4e-5, 2.5e-5)), (38.0, 31.0))
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+def test_what_a_pixel_shows_projects_onto_it(cycles, build, lens):
+    c = camera(lens)
+    scene = Scene((Body("/plane", build.plane(6.0), Material("n")),))
+    image = cycles.render(scene, c, CyclesSettings(samples=1, max_bounces=0), ["position"])
+    p = image.passes["position"].astype(np.float64)
+    hit = np.isfinite(p[..., 0])
+    assert hit.mean() > 0.8
+    rvec, _ = cv2.Rodrigues(c.camera_from_world[:3, :3])
+    t, d = c.camera_from_world[:3, 3], np.array(lens.distortion)
+    if lens.model is LensModel.FISHEYE:
+        px = cv2.fisheye.projectPoints(p[hit][:, None], rvec, t, c.K, d)[0][:, 0]
+    else:
+        px = cv2.projectPoints(p[hit], rvec, t, c.K, d)[0][:, 0]
+    column, row = np.meshgrid(np.arange(80), np.arange(60))
+    assert np.abs(px - np.stack([column, row], -1)[hit]).max() < 0.02  # float32 positions over 6 m
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+def test_light_of_a_matte_plane_is_the_closed_form(cycles, build, lens):
+    """L = rho / pi · I cos³ / h² under a small lamp, at the point that each pixel's ray meets."""
+    c = camera(lens)
+    lamp = Light("/lamp", LightKind.SPHERE, (3.0, 3.0, 3.0), build.at(0.1, -0.2, 1.0))
+    scene = Scene((Body("/plane", build.plane(6.0), Material("paper", Lambert(0.5))),), (lamp,))
+    pixels = cycles.render(scene, c, CyclesSettings(samples=16, max_bounces=0)).pixels[..., 0]
+    column, row = np.meshgrid(np.arange(80), np.arange(60))
+    origin, direction = c.rays(np.stack([column, row], -1))
+    with np.errstate(invalid="ignore"):
+        point = origin - direction * (origin[..., 2:] / direction[..., 2:])
+    to = np.array([0.1, -0.2, 1.0]) - point
+    r2 = (to**2).sum(-1)
+    expected = 0.5 / np.pi * 3.0 * 1.0 / r2**1.5
+    near = np.abs(point[..., :2]).max(-1) < 1.5
+    assert near.mean() > 0.3
+    # a pixel is the mean over its square: its curvature leaves some tenths of a percent
+    assert np.quantile(np.abs(pixels / expected - 1)[near], 0.95) < 0.01
+
+
+def test_a_fisheye_of_180_degrees_is_refused(cycles, build):
+    wide = replace(camera(LENSES["fisheye"]), sensor=Sensor((80, 60), (4.5e-5, 4.5e-5)))
+    scene = Scene((Body("/plane", build.plane(6.0), Material("n")),))
+    with pytest.raises(BrightfieldError, match="less than 180°"):
+        cycles.render(scene, wide, CyclesSettings(samples=1, max_bounces=0))
