@@ -8,6 +8,8 @@ import numpy as np
 from interchange.distortion import LensModel, distort, padded, undistort
 from interchange.parameter import ParameterError, freeze, parameter
 from interchange.problems import Where
+from interchange.sensor import Sensor as Sensor  # cameras are made with it; mypy wants the second name
+from interchange.sensor import freeze_numbers
 
 
 class Projection(StrEnum):
@@ -19,7 +21,11 @@ class Projection(StrEnum):
 class Lens:
     """``distortion``: k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, τx, τy in OpenCV's order and sense (8 or 14
     numbers; fewer are filled up with zeros), or a fisheye's k1, k2, k3, k4: interchange.distortion has the formulas.
-    ``f_stop`` 0 is a pinhole."""
+    ``f_stop`` 0 is a pinhole.
+
+    What follows ``model`` matters to ``expose`` alone: the parameters of the effects that a lens causes, under
+    the names and in the order of their files in ``interchange/effects``. Zero is an effect that is not there.
+    """
 
     focal_length: float = parameter(25e-3, "f", "m", 1e-6, 1e3, "principal distance")
     f_stop: float = parameter(0.0, "N", "1", 0, 1e3, "f-number; 0 is a pinhole")
@@ -27,6 +33,13 @@ class Lens:
     distortion: tuple[float, ...] = ()
     projection: Projection = Projection.PERSPECTIVE
     model: LensModel = LensModel.OPENCV
+    transmission: float = parameter(1.0, "τ", "1", 1e-9, 1, "share of the light that the lens lets through")
+    vignetting: tuple[float, ...] = ()
+    lateral_chromatic_aberration: tuple[float, ...] = ()
+    axial_chromatic_aberration: tuple[float, ...] = ()
+    blur: float = parameter(0.0, "σ", "px", 0, 100, "blur of the whole image, Gaussian, rms")
+    diffraction: bool = False  # blur by the Airy pattern of f_stop
+    veiling_glare: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -36,11 +49,22 @@ class Lens:
             raise ParameterError(str(error)) from None
         if self.model is LensModel.FISHEYE and self.projection is not Projection.PERSPECTIVE:
             raise ParameterError(f"A fisheye lens must be perspective; got {self.projection}.")
+        freeze_numbers(self, vignetting=2, lateral_chromatic_aberration=4, axial_chromatic_aberration=3)
+        freeze_numbers(self, veiling_glare=2)
+        object.__setattr__(self, "diffraction", bool(self.diffraction))
 
     @property
     def distorts(self) -> bool:
         """Whether straight lines may be imaged bent; a fisheye's always are."""
         return self.model is LensModel.FISHEYE or any(self.distortion)
+
+    @property
+    def projected_solid_angle(self) -> float:
+        """sr: image irradiance on the axis per radiance, τ π / (4 N²); τ · 1 sr where there is no f-number.
+
+        N is the working f-number of the aberration-free lens (Born and Wolf: Principles of Optics, 4.8.3).
+        """
+        return self.transmission * (np.pi / (4 * self.f_stop**2) if self.f_stop > 0 else 1.0)
 
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Normalised image coordinates after the lens."""
@@ -49,27 +73,6 @@ class Lens:
     def undistort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Before the lens; NaN where the lens images nothing."""
         return undistort(x, y, self.distortion, self.model)
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """EMVA 1288's linear model. Only the resolution and the pitch matter to a renderer; the rest is ``expose``'s."""
-
-    resolution: tuple[int, int] = (640, 480)  # (width, height), px
-    pixel_pitch: tuple[float, float] = (3.45e-6, 3.45e-6)  # (x, y), m
-    responsivity: float = parameter(
-        1.0, "R", "e- m² sr / (W s)", 0, 1e12, "electrons per radiance and second"
-    )
-    full_well: float = parameter(1e4, "µ_e.sat", "e-", 1, 1e9, "electrons that read as the highest DN")
-    bit_depth: int = 12
-    black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
-    read_noise: float = parameter(0.0, "σ_d", "e-", 0, 1e6, "temporal noise in the dark, rms")
-    prnu: float = parameter(0.0, "PRNU", "1", 0, 1, "spread of the pixels' gain, rms")
-    dsnu: float = parameter(0.0, "DSNU", "e-", 0, 1e6, "spread of the pixels' offset, rms")
-    dark_current: float = parameter(0.0, "µ_I", "e-/s", 0, 1e9, "dark current")
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
 
 @dataclass(frozen=True, eq=False)

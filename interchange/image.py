@@ -60,6 +60,7 @@ class Image:
     passes: dict[str, np.ndarray] = field(default_factory=dict)
     object_names: tuple[str, ...] = ()
     material_names: tuple[str, ...] = ()
+    first_row: int = 0  # where the pixels begin in the camera's image, for a band of its rows
 
 
 def check_passes(names: tuple[str, ...] | list[str]) -> tuple[str, ...]:

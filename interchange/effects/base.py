@@ -1,0 +1,95 @@
+"""What every effect of the image chain is: declared parameters, a stage, and one function on pixels.
+
+An effect takes an image of its stage's quantity and gives one of the same quantity:
+
+| stage | pixels are | unit |
+|---|---|---|
+| ``OPTICS`` | irradiance on the sensor, three channels | W/m² |
+| ``SENSOR`` | electrons, three channels or one | e- |
+| ``READOUT`` | digital numbers, not rounded before ``quantization`` | DN |
+
+``SCENE`` and ``MATERIAL`` effects change what is rendered; ``expose`` leaves them alone. Within a stage light meets
+the effect of lower ``order`` first. The defaults of a model are the effect that is not there.
+
+``carried_by`` says which number of the camera each parameter is ("lens.vignetting.0"): a scene file's attribute is
+read into the effect and written back through it.
+"""
+
+from dataclasses import fields, replace
+from enum import IntEnum
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.image import Image
+from interchange.parameter import freeze
+
+
+class Stage(IntEnum):
+    SCENE = 0
+    MATERIAL = 1
+    OPTICS = 2
+    SENSOR = 3
+    READOUT = 4
+
+
+class Effect:
+    stage: ClassVar[Stage]
+    order: ClassVar[int]
+    source: ClassVar[str]
+    pointwise: ClassVar[bool] = False  # a pixel depends on itself alone: the image may come in bands of rows
+    achromatic: ClassVar[bool] = False  # linear, and alike for all channels: it may act on their mean
+    always: ClassVar[bool] = False  # part of every camera, whatever its parameters
+    carried_by: ClassVar[dict[str, str]] = {}
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @classmethod
+    def name(cls) -> str:
+        """What scene and diagnosis files call it: its file's name."""
+        return cls.__module__.rsplit(".", 1)[-1]
+
+    @property
+    def is_there(self) -> bool:
+        return self.always or any(
+            getattr(self, f.name) != getattr(type(self)(), f.name)
+            for f in fields(self)  # type: ignore[arg-type]
+        )
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        """The image after the effect. Without ``rng``: its mean over many frames."""
+        raise NotImplementedError
+
+    @classmethod
+    def of(cls, camera: Camera) -> Self:
+        """The effect as a camera's lens and sensor have it."""
+        return cls(**{name: _get(camera, path) for name, path in cls.carried_by.items()})
+
+    def on(self, camera: Camera) -> Camera:
+        """The camera that has this effect, as far as a camera can carry it."""
+        for name, path in self.carried_by.items():
+            camera = _set(camera, path, getattr(self, name))
+        return camera
+
+
+def carried(**paths: str) -> dict[str, str]:
+    """``carried_by`` of an effect: ``carried(a2="lens.vignetting.0")``."""
+    return paths
+
+
+def _get(camera: Camera, path: str) -> Any:
+    part, name, *index = path.split(".")
+    value = getattr(getattr(camera, part), name)
+    return value[int(index[0])] if index else value
+
+
+def _set(camera: Camera, path: str, value: Any) -> Camera:
+    part, name, *index = path.split(".")
+    record = getattr(camera, part)
+    if index:
+        numbers = list(getattr(record, name))
+        numbers[int(index[0])] = value
+        value = tuple(numbers)
+    return replace(camera, **{part: replace(record, **{name: value})})

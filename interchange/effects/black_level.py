@@ -1,0 +1,24 @@
+"""The DN of a pixel without electrons."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.image import Image
+from interchange.parameter import parameter
+
+
+@dataclass(frozen=True)
+class BlackLevel(Effect):
+    stage = Stage.READOUT
+    order = 10
+    source = "EMVA Standard 1288, release 4.0 Linear, 2021, eq. 4: µ_y = K µ_e + µ_y.dark."
+    pointwise = True
+    carried_by = carried(black_level="sensor.black_level")
+
+    black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        return replace(image, pixels=image.pixels + np.float32(self.black_level))

@@ -1,0 +1,25 @@
+"""The scene gives more or less light than its file says, or the shutter is open longer: a factor on all electrons."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage
+from interchange.image import Image
+from interchange.parameter import parameter
+
+
+@dataclass(frozen=True)
+class Exposure(Effect):
+    stage = Stage.SENSOR
+    order = 10
+    source = (
+        "EMVA Standard 1288, release 4.0 Linear, 2021, eq. 1: the mean number of photons is linear in time."
+    )
+    pointwise = True
+
+    scale: float = parameter(1.0, "a", "1", 0, 1e6, "electrons over those that the camera's numbers give")
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        return replace(image, pixels=image.pixels * np.float32(self.scale))

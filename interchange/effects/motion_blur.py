@@ -1,0 +1,78 @@
+"""What moves while the shutter is open is drawn along its path, around where it is in the middle of the exposure.
+
+The path of every pixel is the pass ``motion`` (px until the next frame) times the share of the frame that the
+shutter is open; a camera that moves or a web that runs past it gives one path (u, v) to the whole image. An image
+without the pass is of a scene that stands still. Exact, for paths that cross each other too, is ``mean`` over
+frames rendered at moments within the exposure.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage
+from interchange.filtering import convolve, line, resample
+from interchange.image import Image, same_quantity
+from interchange.parameter import parameter
+from interchange.problems import BrightfieldError
+
+MOST_STEPS = 64  # along a path; it is sampled twice a pixel up to there
+
+
+@dataclass(frozen=True)
+class MotionBlur(Effect):
+    stage = Stage.OPTICS
+    order = 12
+    source = "Potmesil, Chakravarty: Modeling motion blur in computer-generated images. SIGGRAPH 1983."
+    achromatic = True
+
+    u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during the exposure")
+    v: float = parameter(0.0, "v", "px", -1e3, 1e3, "rows that the image moves during the exposure")
+    shutter: float = parameter(
+        0.0, "s", "1", 0, 1e3, "exposure time over the time that pass motion stands for"
+    )
+
+    @classmethod
+    def of(cls, camera: Camera) -> "MotionBlur":
+        return cls(shutter=camera.t_exp * camera.sensor.frame_rate)
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        pixels = image.pixels
+        if self.u or self.v:
+            pixels = convolve(pixels, line(self.u, self.v))
+        if self.shutter and (motion := image.passes.get("motion")) is not None:
+            pixels = _along(pixels, np.nan_to_num(motion * np.float32(self.shutter)))
+        return replace(image, pixels=pixels)
+
+
+def _along(pixels: np.ndarray, path: np.ndarray) -> np.ndarray:
+    longest = float(np.abs(path).max(initial=0.0))
+    if longest < 1e-3:
+        return pixels
+    steps = int(np.clip(np.ceil(2 * longest), 4, MOST_STEPS))
+    column, row = np.meshgrid(
+        np.arange(pixels.shape[1], dtype=np.float32), np.arange(pixels.shape[0], dtype=np.float32)
+    )
+    total = np.zeros_like(pixels)
+    for t in (np.arange(steps) + 0.5) / steps - 0.5:
+        shift = path * np.float32(t)
+        cv2.accumulate(resample(pixels, column - shift[..., 0], row - shift[..., 1]), total)
+    return total / np.float32(steps)
+
+
+def mean(moments: Sequence[Image]) -> Image:
+    """The image over an exposure, of renderings at moments spread evenly over it (the middles of equal parts).
+
+    Radiance or irradiance; passes are those of the middle one. Raises BrightfieldError.
+    """
+    if not moments:
+        raise BrightfieldError("An exposure needs one rendering or more; got none.")
+    middle = moments[len(moments) // 2]
+    total = np.zeros(middle.pixels.shape, np.float64)
+    for image in moments:
+        same_quantity(image, middle)
+        total += image.pixels
+    return replace(middle, pixels=(total / len(moments)).astype(np.float32))

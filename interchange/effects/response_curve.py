@@ -1,0 +1,63 @@
+"""The curve from the linear DN to that of the image that leaves the camera, and its bits.
+
+y = (2^b_out - 1) curve(x)^γ... see ``curve``,   x = DN / (2^b - 1)
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.image import Image
+from interchange.parameter import parameter
+from interchange.sensor import Response
+
+
+@dataclass(frozen=True)
+class ResponseCurve(Effect):
+    """x^γ, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
+
+    stage = Stage.READOUT
+    order = 60
+    source = "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004."
+    pointwise = True
+    carried_by = carried(
+        gamma="sensor.gamma",
+        response="sensor.response",
+        lut="sensor.response_lut",
+        bits_out="sensor.output_bit_depth",
+    )
+
+    gamma: float = parameter(1.0, "γ", "1", 0.1, 10, "exponent of the output over the linear signal")
+    response: Response = Response.LINEAR
+    lut: tuple[float, ...] = ()
+    bits_out: int = 0  # 0 is as many as the converter has
+
+    @property
+    def is_there(self) -> bool:
+        return self.gamma != 1.0 or self.response is not Response.LINEAR or self.bits_out > 0
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        bits = camera.sensor.bit_depth
+        table = _table(self, bits, self.bits_out or bits)
+        place = np.clip(np.rint(image.pixels), 0, 2**bits - 1).astype(np.uint16)
+        return replace(image, pixels=np.take(table, place))
+
+    def curve(self, x: np.ndarray) -> np.ndarray:
+        """Output over its highest value, of linear signals x over theirs, both in [0, 1]."""
+        x = np.asarray(x, np.float64) ** self.gamma
+        if self.response is Response.SRGB:
+            return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+        if self.response is Response.LUT:
+            return np.interp(x, np.linspace(0, 1, len(self.lut)), self.lut)
+        return x
+
+
+@lru_cache(maxsize=8)
+def _table(curve: ResponseCurve, bits: int, bits_out: int) -> np.ndarray:
+    """The output DN of every linear one."""
+    x = np.arange(2**bits) / (2**bits - 1)
+    y = np.clip(np.rint(curve.curve(x) * (2**bits_out - 1)), 0, 2**bits_out - 1)
+    return np.asarray(y, np.float32)

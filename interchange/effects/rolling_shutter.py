@@ -1,0 +1,77 @@
+"""Rows are exposed one after the other: row r shows the scene r · t_line later than row 0.
+
+Where a point is by then follows from the pass ``motion`` (px until the next frame) and the frame rate, or from one
+velocity (u, v) px/s of the whole image. An image without either is of a scene that stands still. Exact, for what
+comes out from behind something too, is ``assemble`` over frames rendered at moments.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.filtering import BORDER, resample
+from interchange.image import Image, same_quantity
+from interchange.parameter import parameter
+from interchange.problems import BrightfieldError
+
+
+@dataclass(frozen=True)
+class RollingShutter(Effect):
+    stage = Stage.OPTICS
+    order = 10
+    source = "Meingast, Geyer, Sastry: Geometric models of rolling-shutter cameras. OmniVis 2005."
+    achromatic = True
+    carried_by = carried(line_time="sensor.line_time", frame_rate="sensor.frame_rate")
+
+    line_time: float = parameter(0.0, "t_l", "s", 0, 10, "a row starts that much after the one above")
+    frame_rate: float = parameter(0.0, "f_p", "1/s", 0, 1e6, "frames a second that pass motion stands for")
+    u: float = parameter(0.0, "u", "px/s", -1e9, 1e9, "columns that the whole image moves")
+    v: float = parameter(0.0, "v", "px/s", -1e9, 1e9, "rows that the whole image moves")
+
+    @property
+    def is_there(self) -> bool:
+        return self.line_time > 0
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        motion = image.passes.get("motion")
+        if motion is None and not (self.u or self.v):
+            return image
+        height, width = image.pixels.shape[:2]
+        column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+        late = row * np.float32(self.line_time)
+        velocity = np.broadcast_to(np.array([self.u, self.v], np.float32), (height, width, 2)).copy()
+        if motion is not None:
+            velocity += np.nan_to_num(motion) * np.float32(self.frame_rate)
+        x, y = column - velocity[..., 0] * late, row - velocity[..., 1] * late
+        for _ in range(3):  # the velocity is that of the point which arrives, where the image shows it
+            there = cv2.remap(velocity, x, y, cv2.INTER_LINEAR, borderMode=BORDER)
+            x, y = column - there[..., 0] * late, row - there[..., 1] * late
+        return replace(image, pixels=resample(image.pixels, x, y))
+
+
+def assemble(moments: Sequence[Image], times: Sequence[float], line_time: float) -> Image:
+    """The rolling-shutter image of renderings at ``times`` (s, rising), linear between them.
+
+    Row r is that of the moment r · ``line_time``. Raises BrightfieldError where the times do not reach that far.
+    """
+    first = moments[0]
+    for image in moments:
+        same_quantity(image, first)
+    rows = np.arange(len(first.pixels)) * line_time
+    if len(times) != len(moments) or np.any(np.diff(times) <= 0):
+        raise BrightfieldError("Every rendering needs its time, and times must rise.")
+    if rows[0] < times[0] or rows[-1] > times[-1] + 1e-12:
+        raise BrightfieldError(
+            f"Renderings must cover the read-out, 0 to {rows[-1]:g} s; got {times[0]:g} to {times[-1]:g} s."
+        )
+    at = np.interp(rows, times, np.arange(len(times)))
+    below = np.clip(at.astype(int), 0, max(len(moments) - 2, 0))
+    above = np.minimum(below + 1, len(moments) - 1)
+    weight = (at - below).astype(np.float32)[:, None, None]
+    low = np.stack([moments[k].pixels[r] for r, k in enumerate(below)])
+    high = np.stack([moments[k].pixels[r] for r, k in enumerate(above)])
+    return replace(first, pixels=low * (1 - weight) + high * weight)

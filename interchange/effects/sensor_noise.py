@@ -1,0 +1,65 @@
+"""Temporal noise of EMVA 1288's linear model: photon noise, read noise, dark current with its own noise.
+
+    e ~ Poisson(µ + µ_I t) + N(0, σ_d²)
+
+Photon noise is always there. From ``EXACT_BELOW`` electrons on the sum is drawn as one normal variable z with the
+same mean, variance and third moment (Cornish and Fisher 1937): e = m + s z + c (z² - 1), c = λ / 6 (λ + σ_d²),
+s² = λ + σ_d² - 2 c². Its distribution function is within 0.0015 of the sum's there (tests), less than what 12 bits
+of a 10 000 e- pixel round off.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.image import Image
+from interchange.parameter import parameter
+
+EXACT_BELOW = 20.0  # e-
+
+
+@dataclass(frozen=True)
+class SensorNoise(Effect):
+    stage = Stage.SENSOR
+    order = 40
+    source = "EMVA Standard 1288, release 4.0 Linear, 2021, section 2."
+    pointwise = True
+    always = True
+    carried_by = carried(read_noise="sensor.read_noise", dark_current="sensor.dark_current")
+
+    read_noise: float = parameter(0.0, "σ_d", "e-", 0, 1e6, "temporal noise in the dark, rms")
+    dark_current: float = parameter(0.0, "µ_I", "e-/s", 0, 1e9, "dark current")
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        mean = image.pixels
+        if self.dark_current:
+            mean = mean + np.float32(self.dark_current * camera.t_exp)
+        return replace(image, pixels=mean if rng is None else noisy(mean, self.read_noise, rng))
+
+
+def noisy(mean: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
+    """One draw of electrons (any shape, float32) around ``mean`` e- with read noise of ``sigma`` e- rms."""
+    z = rng.standard_normal(mean.shape, np.float32)
+    few = mean < np.float32(EXACT_BELOW)
+    some = bool(few.any())
+    lam = np.maximum(mean, np.float32(EXACT_BELOW)) if some else mean
+    var = lam + np.float32(sigma * sigma)
+    c = lam / var
+    c *= np.float32(1 / 6)
+    out = c * c
+    out *= np.float32(-2)
+    out += var
+    np.sqrt(out, out=out)
+    out *= z
+    np.multiply(z, z, out=var)
+    var -= np.float32(1)
+    var *= c
+    out += var
+    out += mean
+    if some:
+        lam = np.maximum(mean[few], 0)
+        photons = rng.poisson(lam) if lam.max() > 0 else 0.0
+        out[few] = photons + (mean[few] - lam) + np.float32(sigma) * z[few]
+    return out

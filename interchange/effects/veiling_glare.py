@@ -1,0 +1,48 @@
+"""Light that lens surfaces and barrel scatter over the image.
+
+E' = (1 - g) E + g mean(E),   the mean over the image, or over a Gaussian neighbourhood where ``radius`` is given
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.filtering import BORDER
+from interchange.image import Image
+from interchange.parameter import parameter
+
+COARSE = 8.0  # px rms that the neighbourhood has where it is computed
+
+
+@dataclass(frozen=True)
+class VeilingGlare(Effect):
+    stage = Stage.OPTICS
+    order = 70
+    source = (
+        "ISO 9358:1994; Talvala, Adams, Horowitz, Levoy: Veiling glare in high dynamic range imaging. "
+        "ACM Trans. Graphics 26(3), 2007."
+    )
+    achromatic = True
+    carried_by = carried(g="lens.veiling_glare.0", radius="lens.veiling_glare.1")
+
+    g: float = parameter(0.0, "g", "1", 0, 1, "share of the light that is scattered")
+    radius: float = parameter(
+        0.0, "σ_g", "1", 0, 1, "how far, rms, over the image's diagonal; 0 is everywhere alike"
+    )
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        E = image.pixels
+        if not self.radius:
+            veil = np.array(cv2.mean(np.ascontiguousarray(E))[: E.shape[2]], np.float32)
+            return replace(image, pixels=E * np.float32(1 - self.g) + np.float32(self.g) * veil)
+        h, w = E.shape[:2]
+        sigma = self.radius * np.hypot(h, w)
+        step = max(1.0, sigma / COARSE)
+        small = (max(1, round(w / step)), max(1, round(h / step)))
+        coarse = cv2.resize(E, small, interpolation=cv2.INTER_AREA)
+        coarse = cv2.GaussianBlur(coarse, (0, 0), sigma * small[0] / w, borderType=BORDER)
+        spread = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR).reshape(E.shape)
+        return replace(image, pixels=E * np.float32(1 - self.g) + np.float32(self.g) * spread)

@@ -1,0 +1,190 @@
+"""Radiance becomes digital numbers: the one definition of what a camera makes of an image, for every renderer.
+
+    E    = L Ω,   Ω = τ π / (4 N²)                       irradiance on the sensor, W/m²;     then effects of the OPTICS
+    µ_e  = R s_c L t_exp = (R / Ω) s_c E t_exp           electrons a channel;                then those of the SENSOR
+    DN   = black + g e / fullWell (2^bits - 1 - black)   g = 10^(gain / 20 dB), rounded;     in and after READOUT
+
+R is the sensor's responsivity, lens included, as calibrated; a monochrome sensor takes the mean of the channels.
+A lens without an f-number has Ω = τ · 1 sr, which DN do not depend on.
+
+EMVA Standard 1288, Release 4.0 Linear, 2021.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from itertools import groupby
+
+import cv2
+import numpy as np
+
+from interchange.camera import Camera, Lens, Projection
+from interchange.effects import Effect, Stage, chain
+from interchange.image import Image, Quantity
+from interchange.problems import BrightfieldError
+from interchange.sensor import Mosaic, Sensor
+
+PLANCK, LIGHT = 6.62607015e-34, 299792458.0  # J s, m/s: exact by the SI
+BAND = 1 << 15  # pixels x channels of a band: its temporaries stay in a core's second-level cache
+
+Step = tuple[bool, Callable[[Image, np.random.Generator | None], Image]]  # pointwise, and what is done
+
+
+def expose(
+    image: Image,
+    camera: Camera | None = None,
+    t_exp: float | None = None,
+    gain_dB: float | None = None,
+    rng: np.random.Generator | None = None,
+    effects: Sequence[Effect] = (),
+    until: Quantity = Quantity.DN,
+) -> Image:
+    """What ``camera`` (default: the image's own) makes of an image of radiance (H, W, 3) or (H, W, 1).
+
+    ``t_exp`` s and ``gain_dB`` stand for the camera's own. ``rng`` draws the temporal noise; without it the result is
+    the mean of many frames, rounded. ``effects`` stand for the camera's own effects of their kinds. ``until`` asks
+    for an earlier quantity: IRRADIANCE after the optics, or ELECTRONS that are read out.
+
+    Returns (H, W, 3), or (H, W, 1) from a monochrome or raw mosaic sensor, float32; DN are whole numbers. The same
+    arguments and the same state of ``rng`` give the same numbers, whatever the number of threads. Raises
+    BrightfieldError where a camera is missing, does not fit the image, or cannot be.
+    """
+    camera = camera or image.camera
+    if camera is None:
+        raise BrightfieldError("An exposure needs a camera; the image has none, and none was given.")
+    if image.quantity is not Quantity.RADIANCE:
+        raise BrightfieldError(f"An exposure starts from radiance; got an image of {image.quantity}.")
+    camera = replace(
+        camera,
+        t_exp=camera.t_exp if t_exp is None else t_exp,
+        sensor=replace(camera.sensor, gain_dB=camera.sensor.gain_dB if gain_dB is None else gain_dB),
+    )
+    through, camera = chain(camera, effects)
+    (width, height), shape = camera.sensor.resolution, image.pixels.shape
+    if shape[:2] != (height, width) or shape[2] not in (1, 3):
+        raise BrightfieldError(
+            f"An image must have the camera's {width} x {height} px and 1 or 3 channels; got {shape[1]} x {shape[0]} "
+            f"px and {shape[2]}."
+        )
+    if not camera.t_exp >= 0:
+        raise BrightfieldError(f"An exposure time must not be negative; got {camera.t_exp:g} s.")
+    steps = _steps(camera, through, until)
+    out = Image(
+        pixels=np.ascontiguousarray(image.pixels, np.float32),
+        quantity=Quantity.RADIANCE,
+        camera=image.camera,
+        passes=image.passes,
+    )
+    for pointwise, run in groupby(steps, key=lambda s: s[0]):
+        functions = [function for _, function in run]
+        if pointwise:
+            out = replace(out, pixels=_in_bands(out, functions, rng))
+        else:
+            for function in functions:
+                out = function(out, rng)
+    made_by = {**image.made_by, "t_exp_s": camera.t_exp, "gain_dB": camera.sensor.gain_dB}
+    return replace(image, pixels=out.pixels, quantity=until, camera=camera, made_by=made_by)
+
+
+def responsivity(lens: Lens, sensor: Sensor, where: str = "") -> tuple[float, float, float]:
+    """Electrons per radiance and second of each channel, e- m² sr / (W s).
+
+    As calibrated, or where ``sensor.responsivity`` is 0: η λ / (h c) · pixel area · Ω. Raises BrightfieldError where
+    that needs a number that is not there.
+    """
+    s = sensor.spectral_response
+    if sensor.responsivity > 0:
+        return tuple(sensor.responsivity * x for x in s)  # type: ignore[return-value]
+    if not any(sensor.quantum_efficiency):
+        raise BrightfieldError(f"A sensor needs a responsivity or a quantum efficiency.{where}")
+    if lens.f_stop <= 0 or lens.projection is not Projection.PERSPECTIVE:
+        raise BrightfieldError(
+            f"A quantum efficiency needs a perspective lens with an f-number to become a responsivity.{where}"
+        )
+    area = sensor.pixel_pitch[0] * sensor.pixel_pitch[1]
+    photons = [w / (PLANCK * LIGHT) * area * lens.projected_solid_angle for w in sensor.wavelength]
+    return tuple(n * eta * x for n, eta, x in zip(photons, sensor.quantum_efficiency, s, strict=True))  # type: ignore[return-value]
+
+
+def _steps(camera: Camera, through: Sequence[Effect], until: Quantity) -> list[Step]:
+    lens, sensor = camera.lens, camera.sensor
+    stages = {stage: [e for e in through if e.stage is stage] for stage in Stage}
+    optics = stages[Stage.OPTICS]
+    solid_angle = lens.projected_solid_angle
+    place = f" ({camera.where})" if str(camera.where) else ""
+    R = np.array(responsivity(lens, sensor, place)) if until is not Quantity.IRRADIANCE else np.ones(3)
+    electrons = (R * camera.t_exp / solid_angle).astype(np.float32)
+    mono = sensor.mosaic is Mosaic.MONO
+    alike = bool(np.all(electrons == electrons[0]))
+    early = mono and alike and until is not Quantity.IRRADIANCE and all(e.achromatic for e in optics)
+
+    def light(image: Image, rng: np.random.Generator | None) -> Image:
+        L = _mean(image.pixels) if early else image.pixels
+        return replace(image, pixels=L * np.float32(solid_angle), quantity=Quantity.IRRADIANCE)
+
+    def charge(image: Image, rng: np.random.Generator | None) -> Image:
+        E = image.pixels
+        factor = electrons if E.shape[2] == 3 else electrons.mean(keepdims=True)
+        e = E * factor
+        return replace(image, pixels=_mean(e) if mono else e, quantity=Quantity.ELECTRONS)
+
+    def convert(image: Image, rng: np.random.Generator | None) -> Image:
+        return replace(image, pixels=image.pixels * np.float32(sensor.K), quantity=Quantity.DN)
+
+    steps: list[Step] = [(True, light), *map(_step, optics, [camera] * len(optics))]
+    if until is Quantity.IRRADIANCE:
+        return steps
+    steps += [(True, charge), *(_step(e, camera) for e in stages[Stage.SENSOR])]
+    if until is Quantity.ELECTRONS:
+        return steps
+    steps += [(True, convert), *(_step(e, camera) for e in stages[Stage.READOUT])]
+
+    def whole(image: Image, rng: np.random.Generator | None) -> Image:
+        pixels = np.rint(image.pixels)
+        return replace(image, pixels=np.clip(pixels, 0, 2**sensor.bits_out - 1, out=pixels))
+
+    exact = ("quantization", "response_curve", "jpeg")
+    return steps if through and through[-1].name() in exact else [*steps, (True, whole)]
+
+
+def _step(effect: Effect, camera: Camera) -> Step:
+    return effect.pointwise, lambda image, rng: effect.apply(image, camera, rng)
+
+
+def _mean(pixels: np.ndarray) -> np.ndarray:
+    """Of three channels, (H, W, 1). By OpenCV: NumPy's own walks over interleaved channels one by one."""
+    if pixels.shape[2] == 1:
+        return pixels
+    return cv2.transform(pixels, np.full((1, 3), 1 / 3, np.float32))[..., None]
+
+
+def _in_bands(
+    image: Image, functions: Sequence[Callable[..., Image]], rng: np.random.Generator | None
+) -> np.ndarray:
+    """The functions one after the other on bands of rows, each with its own stream of random numbers."""
+    height, width, channels = image.pixels.shape
+    rows = max(2, BAND // (width * channels) // 2 * 2)
+    seed = rng.integers(0, 1 << 32, 4).tolist() if rng is not None else []
+    out: list[np.ndarray] = [np.empty(0, np.float32)]
+
+    def band(start: int) -> None:
+        stop = min(start + rows, height)
+        part = Image(image.pixels[start:stop], image.quantity, image.camera, first_row=start)
+        stream = np.random.Generator(np.random.SFC64([*seed, start])) if seed else None
+        for function in functions:
+            part = function(part, stream)
+        if start == 0:
+            out[0] = np.empty((height, *part.pixels.shape[1:]), np.float32)
+        out[0][start:stop] = part.pixels
+
+    band(0)
+    list(_pool(os.getpid()).map(band, range(rows, height, rows)))
+    return out[0]
+
+
+@lru_cache(maxsize=1)
+def _pool(process: int) -> ThreadPoolExecutor:
+    """One a process: threads do not outlive a fork."""
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "expose")
