@@ -2,15 +2,16 @@
 
     (a, a') op (b, b') = (a op b, ∂op/∂a a' + ∂op/∂b b')
 
-A ``Dual`` is a value with its derivatives by P unknowns. Bound to a BRDF in the place of its numbers, it carries the
-chain rule through every operation that ``interchange.shader`` can spell, so ``f`` gives ∂f/∂p exactly, without steps.
+A ``Dual`` is a value with its partial derivatives. Bound to a BRDF in the place of its numbers, it carries the chain
+rule through every operation that ``interchange.shader`` can spell, so ``f`` gives ∂f/∂p exactly, without steps. The
+value may be an array, or a shader's float: then the derivatives are written as code, like the formula itself.
 
 At a kink (``np.maximum``, ``np.where``, ``np.absolute``) the derivative is that of the branch that is taken. Where a
 slope is infinite and nothing arrives at it (the root of a constant 0), the product counts as 0.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -21,15 +22,14 @@ from interchange.shader import COMPARISON, LOGIC
 Slope = Callable[..., Any]
 
 
-def _power_by_base(y: Any, x: Any, n: Any) -> Any:
-    return np.where(np.asarray(x) > 0, n * np.power(np.where(np.asarray(x) > 0, x, 1.0), n - 1.0), 0.0)
+def _positive(x: Any) -> Any:
+    return np.where(x > 0.0, x, 1.0)
 
 
-def _power_by_exponent(y: Any, x: Any, n: Any) -> Any:
-    return np.where(np.asarray(x) > 0, y * np.log(np.where(np.asarray(x) > 0, x, 1.0)), 0.0)
-
-
-_POWER: tuple[Slope, ...] = (_power_by_base, _power_by_exponent)
+_POWER: tuple[Slope, ...] = (
+    lambda y, x, n: np.where(x > 0.0, n * np.power(_positive(x), n - 1.0), 0.0),
+    lambda y, x, n: np.where(x > 0.0, y * np.log(_positive(x)), 0.0),
+)
 _DIVIDE: tuple[Slope, ...] = (lambda y, a, b: 1.0 / b, lambda y, a, b: -y / b)
 
 # ∂y/∂(each argument), from the result y and the arguments
@@ -46,28 +46,36 @@ SLOPES: dict[str, tuple[Slope, ...]] = {
     "sqrt": (lambda y, a: 0.5 / y,),
     "exp": (lambda y, a: y,),
     "log": (lambda y, a: 1.0 / a,),
-    "maximum": (lambda y, a, b: np.greater(a, b), lambda y, a, b: np.less_equal(a, b)),
-    "minimum": (lambda y, a, b: np.less(a, b), lambda y, a, b: np.greater_equal(a, b)),
+    "maximum": (lambda y, a, b: np.where(a > b, 1.0, 0.0), lambda y, a, b: np.where(a > b, 0.0, 1.0)),
+    "minimum": (lambda y, a, b: np.where(a < b, 1.0, 0.0), lambda y, a, b: np.where(a < b, 0.0, 1.0)),
     "cos": (lambda y, a: -np.sin(a),),
     "sin": (lambda y, a: np.cos(a),),
-    "tan": (lambda y, a: 1.0 + y * y,),
-    "arccos": (lambda y, a: -1.0 / np.sqrt(1.0 - a * a),),
-    "arcsin": (lambda y, a: 1.0 / np.sqrt(1.0 - a * a),),
-    "arctan": (lambda y, a: 1.0 / (1.0 + a * a),),
-    "arctan2": (lambda y, a, b: b / (a * a + b * b), lambda y, a, b: -a / (a * a + b * b)),
-    "absolute": (lambda y, a: np.sign(a),),
-    "erf": (lambda y, a: 2.0 / np.sqrt(np.pi) * np.exp(-a * a),),
+    "tan": (lambda y, a: 1.0 + np.square(y),),
+    "arccos": (lambda y, a: -1.0 / np.sqrt(1.0 - np.square(a)),),
+    "arcsin": (lambda y, a: 1.0 / np.sqrt(1.0 - np.square(a)),),
+    "arctan": (lambda y, a: 1.0 / (1.0 + np.square(a)),),
+    "arctan2": (
+        lambda y, a, b: b / (np.square(a) + np.square(b)),
+        lambda y, a, b: -a / (np.square(a) + np.square(b)),
+    ),
+    "absolute": (lambda y, a: np.where(a < 0.0, -1.0, 1.0),),
+    "erf": (lambda y, a: 2.0 / np.sqrt(np.pi) * np.exp(-np.square(a)),),
 }
-FLAT = {"floor", *COMPARISON, *LOGIC}  # piecewise constant: the result is a plain array
+FLAT = {"floor", *COMPARISON, *LOGIC}  # piecewise constant: the result is no dual
 
 
 class Dual(NDArrayOperatorsMixin):
-    """``value`` (...) and ``slopes`` (P, ...): its derivatives by P unknowns, of a shape that broadcasts behind P."""
+    """``value`` and ``partials``: its derivatives by P unknowns, None for one that it does not depend on."""
 
-    __slots__ = ("slopes", "value")
+    __slots__ = ("partials", "value")
 
-    def __init__(self, value: Any, slopes: np.ndarray) -> None:
-        self.value, self.slopes = np.asarray(value), slopes
+    def __init__(self, value: Any, partials: Sequence[Any]) -> None:
+        self.value, self.partials = value, tuple(partials)
+
+    @classmethod
+    def variables(cls, values: Sequence[Any]) -> list[Self]:
+        """One unknown a value: each with the derivative 1 by itself."""
+        return [cls(v, [1.0 if i == k else None for i in range(len(values))]) for k, v in enumerate(values)]
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         name = ufunc.__name__
@@ -77,32 +85,34 @@ class Dual(NDArrayOperatorsMixin):
         y = ufunc(*values)
         if name in FLAT:
             return y
-        total: Any = 0.0
+        totals: list[Any] = [None] * len(self.partials)
         for x, slope in zip(inputs, SLOPES[name], strict=True):
             if isinstance(x, Dual):
-                total = total + _times(_raised(x.slopes, np.ndim(y)), np.asarray(slope(y, *values)))
-        return Dual(y, total)
+                rate = slope(y, *values)
+                for k, partial in enumerate(x.partials):
+                    if partial is not None:
+                        term = _times(partial, rate)
+                        totals[k] = term if totals[k] is None else totals[k] + term
+        return Dual(y, totals)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> "Dual":
         if function is not np.where or len(args) != 3:
             raise TypeError(f"np.{function.__name__} has no derivative; np.where(c, a, b) has.")
         c, a, b = args
+        none = (None,) * len(self.partials)
+        pairs = zip(*(x.partials if isinstance(x, Dual) else none for x in (a, b)), strict=True)
         va, vb = (x.value if isinstance(x, Dual) else x for x in (a, b))
-        y = np.where(c, va, vb)
-        da, db = (_raised(x.slopes, y.ndim) if isinstance(x, Dual) else 0.0 for x in (a, b))
-        return Dual(y, np.where(c, da, db))
+        chosen = [
+            None if p is None and q is None else np.where(c, 0.0 if p is None else p, 0.0 if q is None else q)
+            for p, q in pairs
+        ]
+        return Dual(np.where(c, va, vb), chosen)
 
 
-def _raised(slopes: np.ndarray, dimensions: int) -> np.ndarray:
-    """Slopes (P, ...) with as many axes behind P as the value has that they are combined with."""
-    missing = 1 + dimensions - slopes.ndim
-    return slopes.reshape(slopes.shape[0], *(1,) * missing, *slopes.shape[1:]) if missing > 0 else slopes
-
-
-def _times(arriving: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    if np.isfinite(slope).all():
-        return arriving * slope
-    return np.where(arriving == 0, 0.0, arriving * slope)
+def _times(arriving: Any, rate: Any) -> Any:
+    if isinstance(rate, np.ndarray) and not np.isfinite(rate).all():
+        return np.where(np.equal(arriving, 0.0), 0.0, arriving * rate)
+    return arriving * rate
 
 
 def derivatives(
@@ -112,16 +122,17 @@ def derivatives(
 
     ``wi``, ``wo``: (N, 3) unit vectors in the shading frame, above the surface.
     """
-    numbers = brdf.flat()
-    order = range(len(numbers)) if wanted is None else wanted
-    seeds: list[Any] = list(numbers)
-    for row, index in enumerate(order):
-        seeds[index] = Dual(numbers[index], np.eye(len(order))[row])
+    seeds: list[Any] = brdf.flat()
+    order = range(len(seeds)) if wanted is None else wanted
+    for index, dual in zip(order, Dual.variables([np.float64(seeds[i]) for i in order]), strict=True):
+        seeds[index] = dual
     i, o = (tuple(np.moveaxis(np.asarray(w, np.float64), -1, 0)) for w in (wi, wo))
     with np.errstate(all="ignore"):
         result = brdf.bind(seeds, channel).f(i, o)
     shape = np.broadcast(i[2], o[2]).shape
+    slopes = np.zeros((len(order), *shape))
     if not isinstance(result, Dual):
-        return np.array(np.broadcast_to(result, shape), np.float64), np.zeros((len(order), *shape))
-    slopes = np.broadcast_to(_raised(np.asarray(result.slopes), len(shape)), (len(order), *shape))
-    return np.array(np.broadcast_to(result.value, shape)), np.array(slopes)
+        return np.array(np.broadcast_to(result, shape), np.float64), slopes
+    for row, partial in zip(slopes, result.partials, strict=True):
+        row[...] = 0.0 if partial is None else partial
+    return np.array(np.broadcast_to(result.value, shape)), slopes
