@@ -65,7 +65,7 @@ FLAT = {"floor", *COMPARISON, *LOGIC}  # piecewise constant: the result is no du
 
 
 class Dual(NDArrayOperatorsMixin):
-    """``value`` and ``partials``: its derivatives by P unknowns, None for one that it does not depend on."""
+    """``value`` and ``partials``: its derivatives by P unknowns, the float 0 for one that it does not depend on."""
 
     __slots__ = ("partials", "value")
 
@@ -75,7 +75,7 @@ class Dual(NDArrayOperatorsMixin):
     @classmethod
     def variables(cls, values: Sequence[Any]) -> list[Self]:
         """One unknown a value: each with the derivative 1 by itself."""
-        return [cls(v, [1.0 if i == k else None for i in range(len(values))]) for k, v in enumerate(values)]
+        return [cls(v, [float(i == k) for i in range(len(values))]) for k, v in enumerate(values)]
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         name = ufunc.__name__
@@ -85,31 +85,36 @@ class Dual(NDArrayOperatorsMixin):
         y = ufunc(*values)
         if name in FLAT:
             return y
-        totals: list[Any] = [None] * len(self.partials)
+        totals: list[Any] = [0.0] * len(self.partials)
         for x, slope in zip(inputs, SLOPES[name], strict=True):
             if isinstance(x, Dual):
                 rate = slope(y, *values)
                 for k, partial in enumerate(x.partials):
-                    if partial is not None:
+                    if not _is(0.0, partial):
                         term = _times(partial, rate)
-                        totals[k] = term if totals[k] is None else totals[k] + term
+                        totals[k] = term if _is(0.0, totals[k]) else totals[k] + term
         return Dual(y, totals)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> "Dual":
         if function is not np.where or len(args) != 3:
             raise TypeError(f"np.{function.__name__} has no derivative; np.where(c, a, b) has.")
         c, a, b = args
-        none = (None,) * len(self.partials)
-        pairs = zip(*(x.partials if isinstance(x, Dual) else none for x in (a, b)), strict=True)
+        nothing = (0.0,) * len(self.partials)
+        pairs = zip(*(x.partials if isinstance(x, Dual) else nothing for x in (a, b)), strict=True)
         va, vb = (x.value if isinstance(x, Dual) else x for x in (a, b))
-        chosen = [
-            None if p is None and q is None else np.where(c, 0.0 if p is None else p, 0.0 if q is None else q)
-            for p, q in pairs
-        ]
+        chosen = [0.0 if _is(0.0, p) and _is(0.0, q) else np.where(c, p, q) for p, q in pairs]
         return Dual(np.where(c, va, vb), chosen)
 
 
+def _is(number: float, x: Any) -> bool:
+    return type(x) is float and x == number
+
+
 def _times(arriving: Any, rate: Any) -> Any:
+    if _is(1.0, rate):
+        return arriving
+    if _is(1.0, arriving):
+        return rate
     if isinstance(rate, np.ndarray) and not np.isfinite(rate).all():
         return np.where(np.equal(arriving, 0.0), 0.0, arriving * rate)
     return arriving * rate
@@ -134,5 +139,5 @@ def derivatives(
     if not isinstance(result, Dual):
         return np.array(np.broadcast_to(result, shape), np.float64), slopes
     for row, partial in zip(slopes, result.partials, strict=True):
-        row[...] = 0.0 if partial is None else partial
+        row[...] = partial
     return np.array(np.broadcast_to(result.value, shape)), slopes

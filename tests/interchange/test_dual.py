@@ -102,3 +102,21 @@ def test_a_lobe_that_is_not_reached_has_no_slope():
 def test_what_has_no_rule_is_refused():
     with pytest.raises(TypeError, match=r"np\.sinh has no derivative"):
         np.sinh(Dual.variables([1.0])[0])
+
+
+def test_writes_the_derivative_as_code():
+    """Lines of Python written from the formula give the numbers of the arrays."""
+    import math
+
+    from interchange.shader import PYTHON, Body, Traced, spell
+
+    brdf = Lafortune(0.1, weight=[2.0], C=[(-0.9, -0.9, 1.1)], n=[7.0])
+    wi, wo = (0.6, 0.0, 0.8), (-0.48, 0.36, 0.8)
+    body = Body(PYTHON)
+    p = Dual.variables([Traced(f"p[{k}]", body) for k in range(len(brdf.flat()))])
+    i, o = (tuple(Traced(f"{w}[{k}]", body) for k in range(3)) for w in ("wi", "wo"))
+    result = brdf.bind(p, 0).f(i, o)
+    names = {"p": brdf.flat(), "wi": wi, "wo": wo, "log": math.log, "power": math.pow}
+    exec("\n".join(body.lines), names)
+    expected = derivatives(brdf, np.array([wi]), np.array([wo]), 0)[1][:, 0]
+    assert [eval(spell(x), names) for x in result.partials] == pytest.approx(list(expected))
