@@ -104,7 +104,7 @@ def responsivity(lens: Lens, sensor: Sensor, where: str = "") -> tuple[float, fl
             f"A quantum efficiency needs a perspective lens with an f-number to become a responsivity.{where}"
         )
     area = sensor.pixel_pitch[0] * sensor.pixel_pitch[1]
-    photons = [w / (PLANCK * LIGHT) * area * lens.projected_solid_angle for w in sensor.wavelength]
+    photons = [1e-9 * w / (PLANCK * LIGHT) * area * lens.projected_solid_angle for w in sensor.wavelength_nm]
     return tuple(n * eta * x for n, eta, x in zip(photons, sensor.quantum_efficiency, s, strict=True))  # type: ignore[return-value]
 
 

@@ -66,8 +66,8 @@ class Sensor:
     dsnu: float = parameter(0.0, "DSNU", "e-", 0, 1e6, "spread of the pixels' offset, rms")
     dark_current: float = parameter(0.0, "µ_I", "e-/s", 0, 1e9, "dark current")
     quantum_efficiency: Color = parameter((0, 0, 0), "η", "1", 0, 1, "electrons per photon", Kind.COLOR)
-    wavelength: Color = parameter(
-        (610e-9, 540e-9, 465e-9), "λ", "m", 1e-7, 1e-5, "mean wavelength of each channel", Kind.COLOR
+    wavelength_nm: Color = parameter(
+        (610, 540, 465), "λ", "nm", 100, 1e4, "mean wavelength of each channel", Kind.COLOR
     )
     spectral_response: Color = parameter(
         (1, 1, 1), "s", "1", 0, 1e3, "each channel's responsivity over `responsivity`", Kind.COLOR

@@ -13,7 +13,7 @@ from interchange.parameter import parameter
 
 @dataclass(frozen=True)
 class Diffraction(Effect):
-    """Each channel by its own wavelength (``Sensor.wavelength``); an image of one channel by the second one's."""
+    """Each channel by its own wavelength (``Sensor.wavelength_nm``); an image of one channel by the second one's."""
 
     stage = Stage.OPTICS
     order = 50
@@ -35,8 +35,8 @@ class Diffraction(Effect):
         if not self.f_stop:
             return image
         pitch = float(np.mean(camera.sensor.pixel_pitch))
-        wavelengths = (
-            camera.sensor.wavelength if image.pixels.shape[2] == 3 else camera.sensor.wavelength[1:2]
-        )
-        kernels = [airy_kernel(w * self.f_stop / pitch) for w in wavelengths]
+        wavelengths: tuple[float, ...] = camera.sensor.wavelength_nm
+        if image.pixels.shape[2] != 3:
+            wavelengths = wavelengths[1:2]
+        kernels = [airy_kernel(1e-9 * w * self.f_stop / pitch) for w in wavelengths]
         return replace(image, pixels=each_channel(image.pixels, kernels))

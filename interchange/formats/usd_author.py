@@ -15,6 +15,7 @@ from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
 from interchange.distortion import LensModel
+from interchange.formats import usd_sensor
 from interchange.frames import camera_from_gl, z_up_from_y_up
 from interchange.light import Light, LightKind
 from interchange.material import Material, Texture
@@ -308,19 +309,10 @@ def author_camera(stage: Usd.Stage, path: str, camera: Camera) -> UsdGeom.Camera
         usd.CreateFocusDistanceAttr(camera.lens.focus_distance / unit)
     prim = usd.GetPrim()
     names = Sdf.ValueTypeNames
-    sensor = camera.sensor
-    for name, kind, value in (
-        ("sensor:resolution", names.Int2, Gf.Vec2i(width, height)),
-        ("sensor:responsivity", names.Float, sensor.responsivity),
-        ("sensor:fullWell", names.Float, sensor.full_well),
-        ("sensor:bitDepth", names.Int, sensor.bit_depth),
-        ("sensor:blackLevel", names.Float, sensor.black_level),
-        ("sensor:readNoise", names.Float, sensor.read_noise),
-        ("sensor:prnu", names.Float, sensor.prnu),
-        ("sensor:dsnu", names.Float, sensor.dsnu),
-        ("sensor:darkCurrent", names.Float, sensor.dark_current),
-    ):
-        prim.CreateAttribute(name, kind, custom=True).Set(value)
+    prim.CreateAttribute("sensor:resolution", names.Int2, custom=True).Set(Gf.Vec2i(width, height))
+    usd_sensor.author(prim, camera)
+    if camera.t_exp != 1.0:
+        usd.CreateExposureTimeAttr(camera.t_exp)
     if any(camera.lens.distortion):
         prim.CreateAttribute("lens:distortion", names.FloatArray, custom=True).Set(
             list(camera.lens.distortion)

@@ -7,20 +7,11 @@ from pxr import Usd, UsdGeom
 
 from interchange.camera import Camera, Lens, Projection, Sensor
 from interchange.distortion import LensModel
+from interchange.formats import usd_sensor
 from interchange.formats.usd_values import Finder, rigid
 from interchange.frames import gl_from_camera
 from interchange.parameter import ParameterError
 
-SENSOR = {
-    "sensor:responsivity": "responsivity",
-    "sensor:fullWell": "full_well",
-    "sensor:bitDepth": "bit_depth",
-    "sensor:blackLevel": "black_level",
-    "sensor:readNoise": "read_noise",
-    "sensor:prnu": "prnu",
-    "sensor:dsnu": "dsnu",
-    "sensor:darkCurrent": "dark_current",
-}
 DEFAULT_WIDTH = 640  # px, for a camera that names no resolution
 
 
@@ -57,7 +48,7 @@ def read_camera(
     )
     offset = offset * tenth / pitch
     principal = ((width - 1) / 2 - offset[0], (height - 1) / 2 + offset[1])
-    given = {ours: find.value(prim, name, time) for name, ours in SENSOR.items()}
+    given = usd_sensor.read(prim, time, find)
     model = find.value(prim, "lens:model", time) or LensModel.OPENCV.value
     if model not in list(LensModel):
         known = ", ".join(LensModel)
@@ -73,18 +64,21 @@ def read_camera(
         )
         return None
     try:
-        lens = Lens(
+        lens = usd_sensor.record(
+            Lens,
             focal_length=usd.GetFocalLengthAttr().Get(time) * tenth,
-            f_stop=f_stop if focus > 0 else 0.0,  # without a distance in focus, f-stop says exposure alone
+            f_stop=f_stop,  # without a distance in focus, it says exposure alone
             focus_distance=focus,
             distortion=tuple(find.value(prim, "lens:distortion", time) or ()),
             model=LensModel(model),
             projection=Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
+            **given["lens"],
         )
-        sensor = Sensor(
+        sensor = usd_sensor.record(
+            Sensor,
             resolution=(width, height),
             pixel_pitch=(float(pitch[0]), float(pitch[1])),
-            **{name: value for name, value in given.items() if value is not None},
+            **given["sensor"],
         )
     except ParameterError as error:
         find.error(str(error), prim)
@@ -94,15 +88,23 @@ def read_camera(
         find.error("A camera's transform must not stretch one axis more than another.", prim, "xformOpOrder")
         return None
     centred = np.allclose(offset, 0.0, atol=1e-9)
-    return Camera(
+    camera = Camera(
         name=str(prim.GetPath()),
         world_from_camera=pose @ gl_from_camera,
         lens=lens,
         sensor=sensor,
         principal_point=None if centred else (float(principal[0]), float(principal[1])),
         clip=(max(near, 1e-6), far),
+        t_exp=float(usd.GetExposureTimeAttr().Get(time)),
         where=find.where(prim),
     )
+    try:
+        if given["lens"] or given["sensor"]:
+            usd_sensor.check(camera)
+    except ParameterError as error:
+        find.error(str(error), prim)
+        return None
+    return camera
 
 
 def is_camera(prim: Any) -> bool:

@@ -67,7 +67,7 @@ def test_electrons_of_a_quantum_efficiency_are_photons():
     """Counted without the program: E A t / (h c / λ) photons on a pixel, η of them electrons."""
     c = Camera(
         lens=Lens(f_stop=4.0),
-        sensor=Sensor((8, 8), (3e-6, 3e-6), responsivity=0, quantum_efficiency=0.6, wavelength=530e-9),
+        sensor=Sensor((8, 8), (3e-6, 3e-6), responsivity=0, quantum_efficiency=0.6, wavelength_nm=530),
     )
     L, t = 0.8, 5e-3
     energy = np.pi / (4 * 16) * L * 9e-12 * t
