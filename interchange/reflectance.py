@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from interchange.formats.measurements import Kind, Measurement, directions
+from interchange.measurement import Kind, Measurement, directions
 from interchange.problems import BrightfieldError, Problem, Severity
 
 RGB_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))  # red first, as the three channels everywhere
@@ -73,6 +73,8 @@ class ReflectanceSamples:
             wi,
             wo,
             np.stack([c.values for c in measurement.values], axis=-1),
+            np.stack([c.values for c in measurement.sigma], axis=-1) if measurement.sigma else None,
+            measurement.use if measurement.use is not None else np.ones(len(wi), bool),
             channels=tuple(c.name for c in measurement.values),
             wavelength_nm=measurement.wavelength_nm,
             notes=measurement.notes,

@@ -1,66 +1,24 @@
-"""Measurements: BRDFs of Cornell's goniometer (.brdf), spectra (.spd, .csv) and tables (.csv, .tsv).
-
-Every one is a table: axes that were set, values that were read off, one row a reading.
-"""
+"""Measurements as text: BRDFs of Cornell's goniometer (.brdf), spectra (.spd, .csv), goniometer tables and any other
+(.csv, .tsv, .txt)."""
 
 import csv
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from interchange.formats.base import Format, Options
+from interchange.measurement import Column, Kind, Measurement, directions
 from interchange.problems import FileError, Problem, Severity, Where
 
 MAX_BYTES = 256 << 20
 ANGLES = ("theta_i", "phi_i", "theta_s", "phi_s")
 WAVELENGTH = re.compile(r"^(wave_?length|wl|lambda|λ|nm)\b", re.IGNORECASE)
 UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]\s*$")
+__all__ = ["Column", "Kind", "Measurement", "directions", "read"]
 NO_DATA = ("", "-", "na", "n/a", "nan", "null")
-
-
-class Kind(StrEnum):
-    BRDF = "BRDF"
-    SPECTRUM = "spectrum"
-    TABLE = "table"
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    name: str
-    unit: str  # "" where the file does not say
-    values: np.ndarray  # (N,) float64; NaN where the file has none
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement:
-    """``axes``: what was set (N rows each); ``values``: what was read off; ``labels``: columns of words.
-
-    A BRDF has the axes theta_i, phi_i (light) and theta_s, phi_s (camera), rad, from the normal and around it,
-    and one column in 1/sr a wavelength. A spectrum has the axis wavelength in nm.
-    """
-
-    kind: Kind
-    axes: tuple[Column, ...]
-    values: tuple[Column, ...]
-    labels: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    wavelength_nm: np.ndarray | None = None  # (K,) one a column of values
-    comments: tuple[str, ...] = ()
-    notes: tuple[Problem, ...] = ()
-    file: str = ""
-
-    @property
-    def rows(self) -> int:
-        """Number of readings."""
-        return len((*self.axes, *self.values)[0].values) if self.axes or self.values else self._words
-
-    @property
-    def _words(self) -> int:
-        return len(next(iter(self.labels.values()), ()))
 
 
 def read(path: Path | str) -> Measurement:
@@ -84,16 +42,6 @@ def read(path: Path | str) -> Measurement:
     if path.suffix.lower() == ".brdf":
         return _brdf(text, path)
     return _table(text, path)
-
-
-def directions(brdf: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """``wi``, ``wo`` (N, 3): unit vectors to the light and to the camera in the shading frame."""
-    theta_i, phi_i, theta_s, phi_s = (a.values for a in brdf.axes)
-    return _unit(theta_i, phi_i), _unit(theta_s, phi_s)
-
-
-def _unit(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
 
 
 def _numbers(text: str, path: Path) -> tuple[np.ndarray, list[int], tuple[str, ...]]:
