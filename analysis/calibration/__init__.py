@@ -1,0 +1,1 @@
+"""Camera calibration: pictures of a board in, cameras with what is known and not known about them out."""

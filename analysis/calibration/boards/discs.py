@@ -1,0 +1,52 @@
+"""Dark discs on white: finding them in an image, and painting them."""
+
+import cv2
+import numpy as np
+
+from analysis.calibration.boards.base import Detection, spacing
+
+
+def found(image: np.ndarray, shape: tuple[int, int], kind: int) -> Detection | None:
+    """Dark discs on white: cv2.findCirclesGrid with blobs of any size."""
+    settings = cv2.SimpleBlobDetector.Params()
+    settings.minArea, settings.maxArea = 9.0, image.size / 16
+    settings.minDistBetweenBlobs = 3.0
+    settings.filterByConvexity, settings.minConvexity = True, 0.8
+    settings.filterByInertia, settings.minInertiaRatio = True, 0.05
+    blobs = cv2.SimpleBlobDetector.create(settings)
+    for extra in (0, cv2.CALIB_CB_CLUSTERING):
+        ok, centres = cv2.findCirclesGrid(image, shape, flags=kind | extra, blobDetector=blobs)
+        if ok:
+            pixels = centroids(image, np.asarray(centres, np.float64).reshape(-1, 2))
+            return Detection(np.arange(len(pixels)), pixels)
+    return None
+
+
+def centroids(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Centroids (n, 2) of the darkness around rough ones: finer than those of thresholded blobs."""
+    reach = spacing(pixels) / 2
+    moved = pixels.copy()
+    for k, (x, y) in enumerate(pixels):
+        low = np.maximum(np.floor([x - reach, y - reach]).astype(int), 0)
+        high = np.minimum(np.ceil([x + reach, y + reach]).astype(int) + 1, image.shape[::-1])
+        part = image[low[1] : high[1], low[0] : high[0]].astype(np.float64)
+        column, row = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+        near = np.hypot(column - x, row - y) <= reach
+        white, black = np.percentile(part[near], [95, 5])
+        dark = np.clip((white - part) / max(white - black, 1e-9), 0, 1) * near
+        dark[dark < 0.1] = 0  # noise of the white paper pulls to the middle of the window
+        moved[k] = (dark * column).sum() / dark.sum(), (dark * row).sum() / dark.sum()
+    return moved
+
+
+def discs(points: np.ndarray, radius: float, size: float, fineness: int) -> tuple[np.ndarray, np.ndarray]:
+    """A picture of dark discs on white with a margin of one ``size``."""
+    low, high = points[:, :2].min(0) - size, points[:, :2].max(0) + size
+    width, height = np.rint((high - low) / size * fineness).astype(int)
+    x = low[0] + (np.arange(width) + 0.5) * size / fineness
+    y = high[1] - (np.arange(height) + 0.5) * size / fineness
+    picture = np.full((height, width), 255.0)
+    for px, py, _ in points:
+        beyond = (np.hypot(x[None, :] - px, y[:, None] - py) - radius) * fineness / size  # texels
+        picture = np.minimum(picture, 255 * np.clip(beyond + 0.5, 0, 1))
+    return np.rint(picture).astype(np.uint8), np.array([[low[0], high[1]], [high[0], low[1]]])
