@@ -1,5 +1,5 @@
 """Measurements as text: BRDFs of Cornell's goniometer (.brdf), spectra (.spd, .csv), goniometer tables and any other
-(.csv, .tsv, .txt)."""
+(.csv, .tsv, .astm)."""
 
 import csv
 import io
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from interchange.formats import goniometer
 from interchange.formats.base import Format, Options
 from interchange.measurement import Column, Kind, Measurement, directions
 from interchange.problems import FileError, Problem, Severity, Where
@@ -115,7 +116,15 @@ def _brdf(text: str, path: Path) -> Measurement:
     )
 
 
+VARS = re.compile(r"^VARS\s+(.+)$", re.MULTILINE)
+
+
 def _table(text: str, path: Path) -> Measurement:
+    """A table, with the columns' names in its first row or, as in files by ASTM E1392, behind the keyword VARS."""
+    head = VARS.search(text[:65536])
+    if head:  # the lines before it, each a keyword and a value, become comments; line numbers stay
+        before = "".join(f"# {line}\n" for line in text[: head.start()].splitlines())
+        text = f"{before}{head[1]}{text[head.end() :]}"
     comments, rows = _cells(text, path)
     where = Where(str(path))
     if not rows:
@@ -130,7 +139,8 @@ def _table(text: str, path: Path) -> Measurement:
             for n, got in ragged[:20]
         )
     first = rows[0][1]
-    has_header = not any(_is_number(c) for c in first if c.lower() not in NO_DATA) and len(rows) > 1
+    worded = not any(_is_number(c) for c in first if c.lower() not in NO_DATA)
+    has_header = len(rows) > 1 and (worded or goniometer.names_angles(first))  # wavelengths are names, too
     names = first if has_header else [f"column {i + 1}" for i in range(width)]
     body = rows[1:] if has_header else rows
     columns: list[Column] = []
@@ -150,6 +160,11 @@ def _table(text: str, path: Path) -> Measurement:
     notes = []
     if unequal := sum(int(np.isnan(c.values).sum()) for c in columns):
         notes.append(Problem(f"{unequal} cells hold no number.", where, Severity.NOTE))
+    lines = [number for number, _ in body]
+    angle_unit = "rad" if head else ""
+    table = goniometer.Table(columns, labels, lines, comments, tuple(notes), path, angle_unit)
+    if has_header and (found := goniometer.measurement(table)):
+        return found
     if named and is_spectrum:
         return _spectrum(columns, body, comments, tuple(notes), path)
     if path.suffix.lower() == ".spd":
@@ -227,7 +242,7 @@ def _split(
 
 class Measurements(Format):
     name = "measurement"
-    extensions = (".brdf", ".spd", ".csv", ".tsv")
+    extensions = (".brdf", ".spd", ".csv", ".tsv", ".astm")
     holds = "measurement"
 
     def read(self, path: Path, options: Options) -> Measurement:
