@@ -19,7 +19,7 @@ middle. Triangle 0 holds zeros and is its own child; triangles 1 + 2 k and 2 + 2
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -80,19 +80,16 @@ class Wavelets(Brdf):
 
     def _at(self, incidence: Any, left: Any, corner: tuple[Any, Any, Any]) -> Any:
         a, b, c = corner
+        coarse, details, children = cast(Any, (self.lambda_, self.gamma, self.child))  # columns, once bound
         row = 4.0 * incidence
-        value = (
-            a * self.lambda_.take(row + left)
-            + b * self.lambda_.take(row + 2.0)
-            + c * self.lambda_.take(row + 3.0)
-        )
+        value = a * coarse.take(row + left) + b * coarse.take(row + 2.0) + c * coarse.take(row + 3.0)
         triangle = 1.0 + 2.0 * incidence + left
         for level in range(self.levels):
             for edge, hat in enumerate(hats(a, b, c)):
-                value = value + hat * self.gamma.take(3.0 * triangle + edge)
+                value = value + hat * details.take(3.0 * triangle + edge)
             if level + 1 < self.levels:
                 which, (a, b, c) = within(a, b, c)
-                triangle = np.floor(self.child.take(4.0 * triangle + which) + 0.5)
+                triangle = np.floor(children.take(4.0 * triangle + which) + 0.5)
         return value
 
     def sampling(self, wo: Any) -> list[Lobe]:
