@@ -41,14 +41,15 @@ class OrenNayar(Brdf):
 
         variance = np.square(self.sigma)
         rough = variance / (variance + 0.09)
-        back = np.where(cos >= 0.0, 0.0, np.power(2.0 / np.pi * b, 3.0))
+        low = 2.0 / np.pi * b
+        back = np.where(cos >= 0.0, 0.0, np.square(low) * low)
         c1 = 1.0 - 0.5 * variance / (variance + 0.33)
         c2 = 0.45 * rough * (np.maximum(sin_i, sin_o) - back)
         c3 = 0.125 * rough * np.square(4.0 / np.pi**2 * a * b)
         tan_b = np.minimum(sin_i, sin_o) / np.maximum(wi[2], wo[2])
         tan_mean = (sin_i + sin_o) / (wi[2] + wo[2])
         once = c1 + cos * c2 * tan_b + (1.0 - np.absolute(cos)) * c3 * tan_mean
-        twice = 0.17 * rho * variance / (variance + 0.13) * (1.0 - cos * np.square(2.0 / np.pi * b))
+        twice = 0.17 * rho * variance / (variance + 0.13) * (1.0 - cos * np.square(low))
         return rho / np.pi * np.maximum(once + twice, 0.0)
 
     def sampling(self, wo: Any) -> list[Lobe]:
