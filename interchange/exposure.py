@@ -10,16 +10,14 @@ A lens without an f-number has Ω = τ · 1 sr, which DN do not depend on.
 EMVA Standard 1288, Release 4.0 Linear, 2021.
 """
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import lru_cache
 from itertools import groupby
 
 import cv2
 import numpy as np
 
+from interchange.bands import each_band
 from interchange.camera import Camera, Lens, Projection
 from interchange.effects import Effect, Stage, chain
 from interchange.image import Image, Quantity
@@ -27,7 +25,6 @@ from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic, Sensor
 
 PLANCK, LIGHT = 6.62607015e-34, 299792458.0  # J s, m/s: exact by the SI
-BAND = 1 << 15  # pixels x channels of a band: its temporaries stay in a core's second-level cache
 
 Step = tuple[bool, Callable[[Image, np.random.Generator | None], Image]]  # pointwise, and what is done
 
@@ -165,26 +162,19 @@ def _in_bands(
 ) -> np.ndarray:
     """The functions one after the other on bands of rows, each with its own stream of random numbers."""
     height, width, channels = image.pixels.shape
-    rows = max(2, BAND // (width * channels) // 2 * 2)
     seed = rng.integers(0, 1 << 32, 4).tolist() if rng is not None else []
-    out: list[np.ndarray] = [np.empty(0, np.float32)]
 
-    def band(start: int) -> None:
-        stop = min(start + rows, height)
+    def run(start: int, stop: int) -> np.ndarray:
         part = Image(image.pixels[start:stop], image.quantity, image.camera, first_row=start)
         stream = np.random.Generator(np.random.SFC64([*seed, start])) if seed else None
         for function in functions:
             part = function(part, stream)
-        if start == 0:
-            out[0] = np.empty((height, *part.pixels.shape[1:]), np.float32)
-        out[0][start:stop] = part.pixels
+        return part.pixels
 
-    band(0)
-    list(_pool(os.getpid()).map(band, range(rows, height, rows)))
-    return out[0]
+    out = np.empty((height, *run(0, 2).shape[1:]), np.float32)  # two rows tell how many channels come out
 
+    def work(start: int, stop: int) -> None:
+        out[start:stop] = run(start, stop)
 
-@lru_cache(maxsize=1)
-def _pool(process: int) -> ThreadPoolExecutor:
-    """One a process: threads do not outlive a fork."""
-    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "expose")
+    each_band(work, height, width * channels)
+    return out

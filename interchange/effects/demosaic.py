@@ -9,6 +9,7 @@ from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.image import Image
 from interchange.sensor import Demosaic as Method
+from interchange.sensor import freeze_word
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,10 @@ class Demosaic(Effect):
     carried_by = carried(method="sensor.demosaic")
 
     method: Method = Method.BILINEAR
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        freeze_word(self, "method", Method)
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         pattern = camera.sensor.mosaic

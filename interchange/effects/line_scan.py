@@ -41,7 +41,9 @@ class LineScan(Effect):
             pixels = pixels.reshape(height, width, -1)
         if self.stretch != 1.0:
             column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-            pixels = resample(pixels, column, (row + 0.5) / np.float32(self.stretch) - 0.5)
+            pixels = resample(
+                pixels, column, (row + 0.5) / np.float32(self.stretch) - 0.5, (1.0, 1 / self.stretch)
+            )
         return replace(image, pixels=pixels)
 
 

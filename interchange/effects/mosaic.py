@@ -9,6 +9,7 @@ from interchange.effects.base import Effect, Stage, carried
 from interchange.image import Image
 from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic as Pattern
+from interchange.sensor import freeze_word
 
 CHANNEL = {"R": 0, "G": 1, "B": 2}
 
@@ -22,6 +23,10 @@ class Mosaic(Effect):
     carried_by = carried(pattern="sensor.mosaic")
 
     pattern: Pattern = Pattern.NONE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        freeze_word(self, "pattern", Pattern)
 
     @property
     def is_there(self) -> bool:

@@ -12,7 +12,7 @@ from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.image import Image
 from interchange.parameter import parameter
-from interchange.sensor import Response
+from interchange.sensor import Response, freeze_numbers, freeze_word
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,11 @@ class ResponseCurve(Effect):
     response: Response = Response.LINEAR
     lut: tuple[float, ...] = ()
     bits_out: int = 0  # 0 is as many as the converter has
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        freeze_word(self, "response", Response)
+        freeze_numbers(self, lut=None)
 
     @property
     def is_there(self) -> bool:

@@ -192,7 +192,7 @@ def test_the_fixed_pattern_belongs_to_the_serial_number():
 def test_a_seed_gives_the_same_frame_however_many_threads_work(monkeypatch):
     from concurrent.futures import ThreadPoolExecutor
 
-    import interchange.exposure as module
+    import interchange.bands as module
 
     c = station(resolution=(640, 480), responsivity=1e4, read_noise=5, mosaic="RGGB")
     L = Image(np.random.default_rng(0).uniform(0, 0.8, (480, 640, 3)).astype(np.float32))

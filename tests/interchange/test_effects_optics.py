@@ -1,0 +1,255 @@
+"""What the lens and time do to irradiance, against closed forms. Images are small and smooth or single points."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from interchange.camera import Camera, Lens, Sensor
+from interchange.effects import line_scan, motion_blur, rolling_shutter
+from interchange.effects.axial_chromatic_aberration import AxialChromaticAberration
+from interchange.effects.defocus import Defocus
+from interchange.effects.diffraction import Diffraction
+from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
+from interchange.effects.line_scan import LineScan
+from interchange.effects.motion_blur import MotionBlur
+from interchange.effects.rolling_shutter import RollingShutter
+from interchange.effects.veiling_glare import VeilingGlare
+from interchange.effects.vignetting import Vignetting
+from interchange.exposure import expose
+from interchange.filtering import airy, airy_kernel, convolve, disc, line
+from interchange.image import Image, Quantity
+from interchange.problems import BrightfieldError
+
+SIZE = (101, 81)
+CAMERA = Camera(sensor=Sensor(SIZE, (5e-6, 5e-6)), lens=Lens(0.025))
+
+
+def point(column=50, row=40, channels=3):
+    L = np.zeros((SIZE[1], SIZE[0], channels), np.float32)
+    L[row, column] = 1
+    return Image(L)
+
+
+def blobs(places, sigma=3.0, channels=3):
+    """Gaussian spots at (column, row)."""
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    L = sum(np.exp(-((x - c) ** 2 + (y - r) ** 2) / (2 * sigma**2)) for c, r in places)
+    return Image(np.repeat(L[..., None], channels, 2).astype(np.float32))
+
+
+def moments(plane):
+    """Centroid (column, row) and variance along columns and rows, px²."""
+    y, x = np.mgrid[: plane.shape[0], : plane.shape[1]]
+    total = plane.sum(dtype=np.float64)
+    cx, cy = (plane * x).sum() / total, (plane * y).sum() / total
+    return (cx, cy), ((plane * (x - cx) ** 2).sum() / total, (plane * (y - cy) ** 2).sum() / total)
+
+
+def test_a_flat_field_falls_off_as_its_numbers_say():
+    lens = Lens(vignetting=(-0.31, 0.05))
+    c = replace(CAMERA, lens=lens, principal_point=(44.0, 47.0))
+    E = expose(Image(np.ones((81, 101, 3), np.float32)), c, until=Quantity.IRRADIANCE).pixels[..., 1]
+    for column, row in ((0, 0), (100, 80), (44, 47), (90, 3)):
+        r2 = ((column - 44) ** 2 + (row - 47) ** 2) / ((101**2 + 81**2) / 4)
+        assert E[row, column] == pytest.approx(1 - 0.31 * r2 + 0.05 * r2**2, rel=1e-6)
+
+
+def test_natural_vignetting_is_cos_to_the_fourth():
+    """To the next term, 4 tan⁶ θ: 1e-6 at the corner of a half angle of 4.6 degrees."""
+    lens = Lens(4e-3)
+    E = Vignetting.natural(replace(CAMERA, lens=lens)).apply(
+        Image(np.ones((81, 101, 3), np.float32)), replace(CAMERA, lens=lens), None
+    )
+    theta = np.arctan(np.hypot(50, 40) * 5e-6 / 4e-3)
+    assert E.pixels[0, 0, 0] == pytest.approx(np.cos(theta) ** 4, abs=4 * np.tan(theta) ** 6 + 1e-7)
+
+
+def test_red_and_blue_are_imaged_larger_and_smaller():
+    """Centroids of spots, which their own magnification moves by some 0.008 px (9 px² times its gradient)."""
+    effect = LateralChromaticAberration(red=0.02, blue=-0.015, red3=0.01, blue3=0.005)
+    for place in ((80.0, 60.0), (20.0, 40.0), (50.0, 65.0)):
+        out = effect.apply(blobs([place]), CAMERA, None).pixels
+        d = np.array(place) - (50, 40)
+        r2 = (d @ d) / ((101**2 + 81**2) / 4)
+        for channel, c, c3 in ((0, 0.02, 0.01), (1, 0, 0), (2, -0.015, 0.005)):
+            centroid, _ = moments(out[..., channel])
+            assert centroid == pytest.approx((50, 40) + d * (1 + c + c3 * r2), abs=0.01)
+
+
+@pytest.mark.parametrize("diameter", [1.7, 3.0, 6.5, 20.0])
+def test_a_disc_has_the_second_moment_of_a_disc(diameter):
+    """d²/16 along each axis, and 1/12 px² of the pixels that it is summed over, once it spans several."""
+    out = convolve(point(channels=1).pixels, disc(diameter))[..., 0]
+    assert out.sum() == pytest.approx(1, rel=1e-5)
+    _, variance = moments(out)
+    assert variance == pytest.approx((diameter**2 / 16 + 1 / 12,) * 2, rel=0.03 if diameter > 5 else 0.15)
+
+
+def test_axial_aberration_blurs_each_channel_by_its_own_disc():
+    shifts = (30e-6, 0.0, -60e-6)  # m behind the sensor, at f/2: discs of 15 and 30 µm, 3 and 6 px
+    c = replace(CAMERA, lens=Lens(f_stop=2.0))
+    effect = AxialChromaticAberration.shifted(c, shifts)
+    assert (effect.red, effect.green, effect.blue) == pytest.approx((3, 0, 6))
+    out = effect.apply(point(), c, None).pixels
+    assert np.array_equal(out[..., 1], point().pixels[..., 1])
+    assert moments(out[..., 2])[1] == pytest.approx((36 / 16 + 1 / 12,) * 2, rel=0.03)
+
+
+def test_diffraction_is_airys():
+    """First dark ring at 1.22 λ N, 83.8 % of the light within it, second at 2.233 λ N, 91.0 %; Born and Wolf 8.5.2."""
+    r0 = 1.2196698912665045
+    assert airy(np.array([r0]), r0) == pytest.approx(0, abs=1e-12)
+    assert airy(np.array([2.2331]), r0) == pytest.approx(0, abs=1e-7)
+    total = 4 / np.pi  # ∫ (2 J1(πr) / πr)² 2π r dr over the plane
+    for radius, share in ((r0, 0.838), (2.2331, 0.910)):
+        within = quad(lambda r: float(airy(np.array(r), r0)) * 2 * np.pi * r, 0, radius)[0]
+        assert within / total == pytest.approx(share, abs=5e-4)
+
+
+def test_the_first_dark_ring_lies_at_1_22_lambda_n_on_the_sensor():
+    """On pixels of a 20th of λ N, by the image of a point: its darkest radius to half a pixel."""
+    c = Camera(
+        lens=Lens(f_stop=8.0, focus_distance=1.0, diffraction=True),
+        sensor=Sensor((201, 201), (0.22e-6, 0.22e-6), wavelength_nm=550),
+    )
+    L = np.zeros((201, 201, 3), np.float32)
+    L[100, 100] = 1
+    out = expose(Image(L, camera=c), c, until=Quantity.IRRADIANCE).pixels[100, 100:, 1]
+    ring = 1.21967 * 550e-9 * 8 / 0.22e-6
+    assert ring == pytest.approx(24.4, abs=0.01)
+    assert abs(int(np.argmin(out[10:40])) + 10 - ring) <= 0.5
+    assert out[round(ring)] < 1e-3 * out[0]
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.3, 1.3, 4.0])
+def test_kernels_keep_the_light(spread):
+    kernel = airy_kernel(spread)
+    assert kernel.sum() == pytest.approx(1, abs=1e-5)
+    assert np.array_equal(kernel, kernel[::-1, ::-1])
+    assert np.array_equal(kernel, kernel.T)
+
+
+def test_separable_sums_are_the_convolution():
+    """Against the plain sum over the kernel, to the share of the kernel's norm that may be missed."""
+    kernel = airy_kernel(1.3)
+    x = np.random.default_rng(0).uniform(0, 1, (60, 70, 1)).astype(np.float32)
+    k = kernel.shape[0] // 2
+    padded = np.pad(x[..., 0], k, mode="edge").astype(np.float64)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, kernel.shape)
+    exact = np.einsum("ijkl,kl->ij", windows, kernel)
+    assert convolve(x, kernel)[..., 0] == pytest.approx(exact, abs=1.5e-3)
+
+
+def test_defocus_by_depth_is_the_thin_lens():
+    """c = f² |z - z_f| / (N z (z_f - f)) of a lens of focal length f; its principal distance is v = f z_f / (z_f - f),
+    its aperture v / N (both renderers' convention)."""
+    f, z_f, N, pitch = 0.025, 0.40, 4.0, 5e-6
+    v = f * z_f / (z_f - f)
+    c = replace(CAMERA, lens=Lens(v, f_stop=N, focus_distance=z_f))
+    for z in (0.36, 0.45):
+        depth = np.full((81, 101), z, np.float32)
+        out = expose(replace(point(), passes={"depth": depth}), c, until=Quantity.IRRADIANCE).pixels[..., 0]
+        diameter = (v / f) * f**2 * abs(z - z_f) / (N * z * (z_f - f)) / pitch
+        assert moments(out / out.sum())[1] == pytest.approx((diameter**2 / 16 + 1 / 12,) * 2, rel=0.03)
+
+
+def test_defocus_leaves_an_even_field_even_and_a_sharp_edge_in_front_sharp():
+    c = replace(CAMERA, lens=Lens(0.025, f_stop=2.0, focus_distance=0.4))
+    x = np.arange(101)
+    slope = np.broadcast_to(np.linspace(0.38, 0.43, 101, dtype=np.float32), (81, 101))
+    even = Defocus(0, 2.0, 0.4).apply(
+        Image(np.full((81, 101, 3), 7, np.float32), passes={"depth": slope}), c, None
+    )
+    assert even.pixels == pytest.approx(7, rel=1e-4)
+    depth = np.where(x[None, :] < 50, 0.4, 0.45).astype(np.float32) * np.ones((81, 1), np.float32)
+    L = np.where(x[None, :, None] < 50, 1.0, 3.0 + 2 * (x[None, :, None] % 2)) * np.ones((81, 1, 3))
+    out = Defocus(0, 2.0, 0.4).apply(Image(L.astype(np.float32), passes={"depth": depth}), c, None).pixels
+    assert out[40, :49, 0] == pytest.approx(1, abs=1e-3)  # what is in focus hides what lies behind it
+    assert np.ptp(out[40, 70:95, 0]) < 0.3  # stripes of 2 behind the focus are blurred away
+
+
+def test_a_renderers_own_depth_of_field_is_not_applied_twice():
+    lens = Lens(0.025, f_stop=2.0, focus_distance=0.4)
+    drawn = Image(
+        point().pixels, camera=replace(CAMERA, lens=lens), passes={"depth": np.full((81, 101), 0.3)}
+    )
+    out = expose(drawn, until=Quantity.IRRADIANCE)
+    assert (out.pixels > 0).sum() == 3
+
+
+def test_glare_is_a_share_of_the_mean():
+    L = np.zeros((80, 100, 3), np.float32)
+    L[:, :50] = (4, 2, 1)
+    c = replace(CAMERA, sensor=Sensor((100, 80)))
+    out = VeilingGlare(0.03).apply(Image(L), c, None).pixels
+    assert out[0, 99] == pytest.approx(0.03 * np.array([2, 1, 0.5]), rel=1e-5)
+    assert out.mean() == pytest.approx(L.mean(), rel=1e-5)
+    near = VeilingGlare(0.03, 0.05).apply(Image(L), c, None).pixels
+    assert near[40, 52, 0] > 5 * near[40, 95, 0]
+    assert near.mean() == pytest.approx(L.mean(), rel=0.01)
+
+
+@pytest.mark.parametrize("path", [(6.0, 0.0), (0.0, 3.5), (4.0, -3.0)])
+def test_motion_has_the_second_moment_of_a_line(path):
+    """L²/12 along each axis, exactly: cubic weights keep the second moment."""
+    out = convolve(point(channels=1).pixels, line(*path))[..., 0]
+    assert out.sum() == pytest.approx(1, rel=1e-5)
+    centre, variance = moments(out)
+    assert centre == pytest.approx((50, 40), abs=1e-3)
+    for v, length in zip(variance, path, strict=True):
+        assert v == pytest.approx(length**2 / 12, abs=1e-3)
+
+
+def test_the_motion_pass_gives_what_moving_renderings_give():
+    """A spot that moves by 12 px a frame, open for half of it: the effect against the mean over moments."""
+    c = replace(CAMERA, t_exp=0.01, sensor=replace(CAMERA.sensor, frame_rate=50.0))
+    motion = np.broadcast_to(np.array([12.0, 4.0], np.float32), (81, 101, 2)).copy()
+    still = replace(blobs([(50, 40)]), passes={"motion": motion})
+    got = expose(still, c, until=Quantity.IRRADIANCE).pixels
+    parts = [blobs([(50 + 6 * t, 40 + 2 * t)]) for t in (np.arange(32) + 0.5) / 32 - 0.5]
+    want = motion_blur.mean(parts).pixels
+    assert got == pytest.approx(want, abs=1e-3)  # 24 steps along 6 px; a spot of σ = 3 px
+    uniform = MotionBlur(6.0, 2.0).apply(blobs([(50, 40)]), c, None).pixels
+    assert uniform == pytest.approx(want, abs=1e-3)
+
+
+def test_a_rolling_shutter_slants_what_moves():
+    """A vertical bar at 2000 px/s and 50 µs a row leans by 0.1 px a row; the same from renderings at moments."""
+    c = replace(CAMERA, t_exp=1e-7, sensor=replace(CAMERA.sensor, line_time=50e-6, frame_rate=100.0))
+    x = np.arange(101)
+
+    def bar(t):
+        L = np.exp(-((x - (40 + 2000 * t)) ** 2) / 18)
+        return Image(np.broadcast_to(L[None, :, None], (81, 101, 3)).astype(np.float32))
+
+    motion = np.broadcast_to(np.array([20.0, 0.0], np.float32), (81, 101, 2)).copy()
+    got = expose(replace(bar(0), passes={"motion": motion}), c, until=Quantity.IRRADIANCE).pixels[..., 0]
+    centre = (got * x).sum(axis=1) / got.sum(axis=1)
+    assert centre == pytest.approx(40 + 0.1 * np.arange(81), abs=0.002)
+    velocity = RollingShutter(50e-6, u=2000.0).apply(bar(0), c, None).pixels[..., 0]
+    assert velocity == pytest.approx(got, abs=1e-4)
+    times = np.linspace(0, 80 * 50e-6, 41)
+    want = rolling_shutter.assemble([bar(t) for t in times], list(times), 50e-6).pixels[..., 0]
+    assert got == pytest.approx(want, abs=0.01)
+    with pytest.raises(BrightfieldError, match="must cover the read-out"):
+        rolling_shutter.assemble([bar(0), bar(0.001)], [0, 0.001], 50e-6)
+
+
+def test_a_line_camera_stretches_what_runs_too_slowly():
+    """Two lines a pixel of motion: a spot at row 20 stands at 2 · 20.5 - 0.5, twice as tall, and exposure smears it."""
+    out = LineScan(stretch=2.0).apply(blobs([(50, 20)], 2.0), CAMERA, None).pixels[..., 0]
+    centre, variance = moments(out)
+    assert centre == pytest.approx((50, 40.5), abs=0.02)
+    assert np.sqrt(variance) == pytest.approx((2, 4), rel=0.01)
+    smeared = LineScan(open_share=3.0).apply(point(), CAMERA, None).pixels[:, 50, 0]
+    assert smeared[37:44] == pytest.approx([0, 0, 1 / 3, 1 / 3, 1 / 3, 0, 0], abs=1e-6)
+    lines = [blobs([(50, 40 - k)]) for k in range(30)]
+    assert line_scan.assemble(lines, 40).pixels.shape == (30, 101, 3)
+
+
+def test_diffraction_of_a_camera_is_asked_for():
+    c = replace(CAMERA, lens=Lens(f_stop=8))
+    assert not Diffraction.of(c).is_there
+    assert Diffraction.of(Diffraction(5.6).on(c)) == Diffraction(5.6)
