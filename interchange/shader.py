@@ -1,4 +1,4 @@
-"""Write a BRDF's NumPy formula as GLSL or OSL, by calling it on values that note down what is done to them.
+"""Write a BRDF's NumPy formula as GLSL, OSL or plain Python: it is called on values that note what is done to them.
 
 The three channels are traced into one body, in which an expression that was met before is not written again:
 what the channels share (angles, powers, rows of a table) costs once.
@@ -38,7 +38,7 @@ SPELLING = {
     "arctan2": "{arctan2}({}, {})",
     "erf": "erf({})",
 }
-LOGIC = {"logical_and": "({} && {})", "logical_or": "({} || {})", "logical_not": "(!{})"}
+LOGIC = ("logical_and", "logical_or", "logical_not")
 COMPARISON = {"greater": ">", "greater_equal": ">=", "less": "<", "less_equal": "<="}
 
 
@@ -53,6 +53,9 @@ class Dialect:
     arctan2: str
     prelude: str
     row: str
+    statement: str = "{kind} {name} = {expression};"
+    choice: str = "{0} ? {1} : {2}"
+    logic: tuple[str, str, str] = ("({} && {})", "({} || {})", "(!{})")
 
 
 POWER = "float power(float x, float n) { return x > 0.0 ? pow(x, n) : 0.0; }\n"
@@ -86,6 +89,18 @@ OSL = Dialect(
     POWER,
     "{}({})",
 )
+PYTHON = Dialect(  # for a compiler of Python; ``math`` and ``power`` must be at hand
+    "Python",
+    "",
+    "",
+    ("[0]", "[1]", "[2]"),
+    "atan2",
+    "",
+    "{}[int({})]",
+    statement="{name} = {expression}",
+    choice="{1} if {0} else {2}",
+    logic=("({} and {})", "({} or {})", "(not {})"),
+)
 
 
 class Body:
@@ -99,7 +114,7 @@ class Body:
     def name_of(self, expression: str, kind: str = "float") -> str:
         if expression not in self.known:
             name = f"t{len(self.lines)}"
-            self.lines.append(f"{kind} {name} = {expression};")
+            self.lines.append(self.dialect.statement.format(kind=kind, name=name, expression=expression))
             self.known[expression] = name
         return self.known[expression]
 
@@ -112,22 +127,32 @@ class Traced(NDArrayOperatorsMixin):
         self.name, self.body = name, body
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> "Traced":
+        if any(
+            hasattr(x, "__array_ufunc__") and not isinstance(x, Traced | np.generic | np.ndarray)
+            for x in inputs
+        ):
+            return NotImplemented  # a value that carries more, such as derivatives
         terms = [spell(x) for x in inputs]
         name = ufunc.__name__
-        if method != "__call__" or name not in SPELLING.keys() | COMPARISON.keys() | LOGIC.keys():
+        if method != "__call__" or name not in {*SPELLING, *COMPARISON, *LOGIC}:
             raise TypeError(f"np.{name} has no spelling in interchange.shader.SPELLING.")
         if name in COMPARISON:
             return Traced(f"({terms[0]} {COMPARISON[name]} {terms[1]})", self.body)
         if name in LOGIC:
-            return Traced(LOGIC[name].format(*terms), self.body)
+            return Traced(self.body.dialect.logic[LOGIC.index(name)].format(*terms), self.body)
         text = SPELLING[name].format(*terms, arctan2=self.body.dialect.arctan2)
         return Traced(self.body.name_of(text), self.body)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> "Traced":
         if function is not np.where or len(args) != 3:
             raise TypeError(f"np.{function.__name__} has no spelling in a shader; np.where(c, a, b) has.")
+        if any(
+            hasattr(x, "__array_function__") and not isinstance(x, Traced | np.generic | np.ndarray)
+            for x in args
+        ):
+            return NotImplemented
         c, a, b = (spell(x) for x in args)
-        return Traced(self.body.name_of(f"{c} ? {a} : {b}"), self.body)
+        return Traced(self.body.name_of(self.body.dialect.choice.format(c, a, b)), self.body)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Reflectance models fitted to measurements."""
