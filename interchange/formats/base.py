@@ -22,6 +22,8 @@ class Options:
     unit: str | None = None  # for files without one: "mm", "inch", ...
     chord_mm: float = 0.1  # largest distance between a CAD surface and its triangles
     angle_deg: float = 20.0  # largest angle between neighbouring triangles' normals on a CAD surface
+    resolution: tuple[int, int] | None = None  # px, for calibrations that do not say it
+    pixel_um: float | None = None  # pixel pitch, for calibrations: they know focal lengths in pixels alone
 
 
 class Format:

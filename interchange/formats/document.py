@@ -82,9 +82,9 @@ def format_of(path: Path) -> Format:
     if not head:
         raise FileError(Problem("The file is empty.", where))
     extension = path.suffix.lower()
-    found = [f for f in formats() if extension in f.extensions] or [
-        f for f in formats() if f.recognises(head)
-    ]
+    named = [f for f in formats() if extension in f.extensions]
+    known_by_content = [f for f in named or formats() if f.recognises(head)]
+    found = known_by_content or named  # several formats may end alike: .yaml, .xml, .txt
     if found:
         return found[0]
     known = sorted({e for f in formats() for e in f.extensions})

@@ -29,14 +29,17 @@ def test_lenses_through_usd(tmp_path, lens):
     back = open_scene(path).scene().camera()
     assert back.lens.model is lens.model
     assert back.lens.distortion == pytest.approx(lens.distortion, rel=1e-6)
-    assert back.K == pytest.approx(camera.K, rel=1e-6)
+    assert pytest.approx(camera.K, rel=1e-6) == back.K
 
 
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
         (f"float[] lens:distortion = {[0.1] * 15}", "up to 14 finite numbers"),
-        ('token lens:model = "fisheye"\n float[] lens:distortion = [1, 2, 3, 4, 5]', "up to 4 finite numbers"),
+        (
+            'token lens:model = "fisheye"\n float[] lens:distortion = [1, 2, 3, 4, 5]',
+            "up to 4 finite numbers",
+        ),
         ('token lens:model = "omni"', 'lens:model must be one of opencv, fisheye; got "omni"'),
     ],
 )
