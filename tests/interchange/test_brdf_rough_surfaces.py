@@ -98,6 +98,7 @@ def test_light_inside_glass_is_reflected_totally_beyond_the_critical_angle():
 
 def test_polar_angle_keeps_its_digits_in_single_precision():
     t = np.linspace(1e-4, np.pi / 2, 2000)
+    assert polar_angle(tuple(toward(np.degrees(t)).T)) == pytest.approx(t, rel=1e-8)
     single = polar_angle(tuple(toward(np.degrees(t)).astype(np.float32).T))
     assert single.dtype == np.float32
     assert single == pytest.approx(t, rel=1e-6)
@@ -134,6 +135,15 @@ def test_oren_nayar_is_the_sum_over_its_grooves(sigma, light, view, azimuth):
     assert OrenNayar(rho, sigma).evaluate(wi, wo)[0] * np.pi / rho == pytest.approx(total, rel=0.08)
 
 
+@pytest.mark.parametrize("azimuth", [0, 90, 180])
+def test_oren_nayar_interreflection_is_the_papers(azimuth):
+    """The part that grows with rho²: 0.17 / pi sigma² / (sigma² + 0.13) (1 - cos dphi (2 b / pi)²)."""
+    wi, wo, sigma2 = toward(70), toward(60, azimuth), 0.5**2
+    bright, dark = (OrenNayar(rho, 0.5).evaluate(wi, wo)[0] / rho for rho in (0.9, 0.4))
+    expected = 0.17 * sigma2 / (sigma2 + 0.13) * (1 - np.cos(np.radians(azimuth)) * (2 / 3) ** 2)
+    assert (bright - dark) / 0.5 * np.pi == pytest.approx(expected)
+
+
 def test_phong_of_lewis_is_a_normalised_lafortune_lobe():
     wi, wo = hemisphere(np.random.default_rng(1)), hemisphere(np.random.default_rng(2))
     same = Lafortune(0.3, weight=[0.4 * 22 / (2 * np.pi)], C=[(-1, -1, 1)], n=[20])
@@ -161,6 +171,14 @@ def test_torrance_sparrow_with_narrow_slopes_reflects_what_its_facets_do():
     brdf = TorranceSparrow(0.0, 50**2 / (4 * np.pi), 50.0, 1.5, 0.0)
     expected = fresnel_dielectric(np.cos(0.7), 1.5)
     assert albedo(brdf, toward(np.degrees(0.7)), 0.02) == pytest.approx(expected, rel=5e-3)  # order 1 / c²
+
+
+def test_torrance_sparrow_hides_facets_in_grooves():
+    """Lit and seen along one direction at 70 degrees: a facet turned to it, at that slope, G = 2 cos² 70 degrees."""
+    w = toward(70)
+    f = TorranceSparrow(0.1, 2.0, 1.5, 1.5, 0.0).evaluate(w, w)[0]
+    facets = 2.0 * 0.04 * np.exp(-((1.5 * np.radians(70)) ** 2))
+    assert f == pytest.approx(0.1 / np.pi + facets * 2 * w[2] ** 2 / w[2] ** 2)
 
 
 def test_cook_torrance_head_on_is_explicit():
