@@ -125,9 +125,8 @@ def wavelets(
     for level, edges in enumerate(own.edges):
         level_area[edges[:, 0]] = own.area[level + 1][edges[:, 0]]
     size = np.abs(coefficients).max(axis=-1) * np.sqrt(level_area)
-    if keep < size.size:
-        limit = np.partition(size.ravel(), size.size - keep)[size.size - keep] if keep else np.inf
-        coefficients[size < limit] = 0.0
+    small = np.argsort(size, axis=None, kind="stable")[: max(size.size - keep, 0)]
+    coefficients.reshape(-1, 3)[small] = 0.0
     kept = int((np.abs(coefficients).max(axis=-1) > 0).sum())
     model = assemble(np.stack([backward(c, levels) for c in coefficients]), levels)
     return Projection(model, residual(model, samples), kept)
