@@ -7,11 +7,12 @@
     G(v) = v / (r - r v + v)
 
 r: roughness from 0 (mirror) to 1; p: isotropy, 1 where all azimuths are alike, towards 0 for scratches along the
-tangent. Z / pi is the distribution of Trowbridge and Reitz with alpha² = r. With r for the width, G hides too little
-of narrow lobes near grazing angles: of white facets (C = 1) the albedo is at most 1 up to 80 degrees, and at 89
-degrees up to 2. Left out: the paper's second term (1 - G G) / (4 pi wi.z wo.z) for light caught between the facets,
-whose albedo grows like 1 / (2 wo.z) towards grazing angles, and its blend with an ideal mirror and with Lambert by r.
-A matte base, or the paper's second layer, are added by ``Sum``.
+tangent; w = 0 at h = n, where A has no limit and pinches the highlight. Z / pi is the distribution of Trowbridge and
+Reitz with alpha² = r. With r for the width, G hides too little of narrow lobes near grazing angles: of white facets
+(C = 1) the albedo is at most 1 up to 80 degrees, and at 89 degrees up to 2. Left out: the paper's second term (1 - G
+G) / (4 pi wi.z wo.z) for light caught between the facets, whose albedo grows like 1 / (2 wo.z) towards grazing
+angles, and its blend with an ideal mirror and with Lambert by r. A matte base, or the paper's second layer, are
+added by ``Sum``.
 """
 
 from dataclasses import dataclass
