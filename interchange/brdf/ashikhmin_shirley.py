@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from interchange.brdf.base import Brdf
+from interchange.brdf.cosine_power import cosine_power
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import Vector, fresnel_schlick, half_vector
 from interchange.brdf.sampling import Lobe, Shape
@@ -50,12 +51,7 @@ class AshikhminShirley(Brdf):
 
 
 def elliptic(h: Vector, n_u: Any, n_v: Any) -> Any:
-    """h.z^((n_u h.x² + n_v h.y²) / (h.x² + h.y²)), without the quotient that is 0 / 0 at the normal.
-
-    With t = tan², ln h.z = -ln(1 + t) / 2, which single precision keeps for large exponents.
-    """
-    cos2 = np.square(h[2])
-    t = (np.square(h[0]) + np.square(h[1])) / cos2
-    near = 1.0 - t * (0.5 - t * (1.0 / 3.0 - t * (0.25 - 0.2 * t)))  # ln(1 + t) / t
-    rate = np.where(t < 0.03, near, np.log(1.0 + t) / np.maximum(t, 0.03))
-    return np.exp(-0.5 * rate * (n_u * np.square(h[0]) + n_v * np.square(h[1])) / cos2)
+    """h.z^((n_u h.x² + n_v h.y²) / (h.x² + h.y²)); 1 at the normal, where the quotient is 0 / 0."""
+    sin2 = np.square(h[0]) + np.square(h[1])
+    exponent = (n_u * np.square(h[0]) + n_v * np.square(h[1])) / np.maximum(sin2, 1e-20)
+    return cosine_power(sin2, np.square(h[2]), exponent)

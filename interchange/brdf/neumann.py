@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from interchange.brdf.base import Brdf
+from interchange.brdf.cosine_power import cosine_power
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape, mirror
 from interchange.parameter import Kind, parameter
@@ -31,8 +32,10 @@ class Neumann(Brdf):
     n: float = parameter(50.0, "n", "1", 1, 1e4, "lobe exponent")
 
     def f(self, wi: Any, wo: Any) -> Any:
-        cos = np.maximum(wi[2] * wo[2] - wi[0] * wo[0] - wi[1] * wo[1], 0.0)
-        lobe = (self.n + 2.0) / (2.0 * np.pi) * np.power(cos, self.n) / np.maximum(wi[2], wo[2])
+        x, y, z = wi[0] + wo[0], wi[1] + wo[1], wo[2] - wi[2]  # from the mirror direction to wo
+        fall = 0.5 * (np.square(x) + np.square(y) + np.square(z))  # 1 - r . wo
+        power = cosine_power(fall * (2.0 - fall), np.square(1.0 - fall), self.n)
+        lobe = (self.n + 2.0) / (2.0 * np.pi) * np.where(fall < 1.0, power, 0.0) / np.maximum(wi[2], wo[2])
         return self.diffuse / np.pi + self.k_s * lobe  # type: ignore[operator]  # one channel
 
     def sampling(self, wo: Any) -> list[Lobe]:
