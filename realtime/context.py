@@ -12,6 +12,7 @@ from interchange.problems import BrightfieldError
 
 VERSION = 410  # of GLSL and of the context; glClipControl (GL 4.5 or ARB_clip_control) on top
 LOWER_LEFT, ZERO_TO_ONE, NEGATIVE_ONE_TO_ONE = 0x8CA1, 0x935F, 0x935E
+COLOR, DEPTH = 0x1800, 0x1801
 TEXTURE_2D, DEPTH_COMPONENT, DEPTH_COMPONENT32F, FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 DEPTH_STENCIL, DEPTH32F_STENCIL8, FLOAT_WITH_STENCIL = 0x84F9, 0x8CAD, 0x8DAD
 
@@ -69,6 +70,32 @@ def depth_texture(
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     texture.repeat_x = texture.repeat_y = False
     return texture
+
+
+@cache
+def _clear(name: bytes, *arguments: Any) -> Any:
+    return gl_function(name, *arguments)
+
+
+_FLOATS = ctypes.POINTER(ctypes.c_float)
+
+
+def clear_color(number: int, value: tuple[float, float, float, float]) -> None:
+    """One colour attachment of the bound framebuffer; moderngl clears all of them."""
+    clear = _clear(b"glClearBufferfv", ctypes.c_uint, ctypes.c_int, _FLOATS)
+    clear(COLOR, number, (ctypes.c_float * 4)(*value))
+
+
+def clear_depth(value: float) -> None:
+    """Of the bound framebuffer."""
+    clear = _clear(b"glClearBufferfv", ctypes.c_uint, ctypes.c_int, _FLOATS)
+    clear(DEPTH, 0, (ctypes.c_float * 1)(value))
+
+
+def clear_depth_and_stencil(value: float, mark: int) -> None:
+    """Of the bound framebuffer."""
+    clear = _clear(b"glClearBufferfi", ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_int)
+    clear(DEPTH_STENCIL, 0, value, mark)
 
 
 @contextmanager

@@ -165,7 +165,9 @@ class Frame:
         return Pass(seen, grid, jitter, aperture, self.lensmap)
 
     def _gbuffer(self, drawn: Pass, index: int, threshold: float = 0.0) -> GBuffer:
-        return self.stages.gbuffer.draw(drawn.view, drawn.lensmap is not None, index, threshold)
+        return self.stages.gbuffer.draw(
+            drawn.view, drawn.lensmap is not None, index, threshold, marked=threshold > 0 or not self.once
+        )
 
     def _points_of_pass(self, k: int) -> Iterator[Lit]:
         for points in self.points:

@@ -7,7 +7,7 @@ import numpy as np
 
 from realtime import stencil
 from realtime.bodies import Bodies, Group
-from realtime.context import depth_texture
+from realtime.context import clear_color, clear_depth, clear_depth_and_stencil, depth_texture
 from realtime.programs import Programs, defines, put, text, texture_uniforms
 from realtime.shadow_maps import bind, set_opacity
 from realtime.uploads import Uploads
@@ -16,14 +16,26 @@ from realtime.view import View
 NOTHING = -1.0  # the body's number where no surface is
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What a G-buffer holds: tangents that ``turns``, texture coordinates and their ``slopes``, a stencil."""
+
+    turns: bool
+    uv: bool
+    slopes: bool
+    stencil: bool
+
+
 @dataclass(eq=False)
 class GBuffer:
-    """Float textures of one size. ``plane``: 1/Z (Z if telecentric), its slopes, body; ``frame``: shading normal,
-    the tangent's direction; ``coordinates``: u, v; ``slopes``: of u/Z and v/Z along the window."""
+    """Float textures of one size. ``surface``: 1/Z (Z if telecentric), shading normal, body; ``facet``: slopes of
+    1/Z along the window, the tangent's direction where a material turns; ``coordinates``: u, v; ``slopes``: of u/Z
+    and v/Z. Where no body is, all but ``surface`` and ``depth`` are left as they were."""
 
     size: tuple[int, int]
-    plane: moderngl.Texture
-    frame: moderngl.Texture
+    kind: Kind
+    surface: moderngl.Texture
+    facet: moderngl.Texture
     coordinates: moderngl.Texture | None
     slopes: moderngl.Texture | None
     depth: moderngl.Texture
@@ -31,7 +43,7 @@ class GBuffer:
 
     @property
     def textures(self) -> list[moderngl.Texture]:
-        return [t for t in (self.plane, self.frame, self.coordinates, self.slopes) if t is not None]
+        return [t for t in (self.surface, self.facet, self.coordinates, self.slopes) if t is not None]
 
     def release(self) -> None:
         self.framebuffer.release()
@@ -39,20 +51,28 @@ class GBuffer:
         for texture in self.textures:
             texture.release()
 
+    def clear(self) -> None:
+        """What is read where no body is drawn; the framebuffer is bound from here on."""
+        self.framebuffer.use()
+        clear_color(0, (0.0, 0.0, 0.0, NOTHING))
+        if self.kind.stencil:
+            clear_depth_and_stencil(0.0, 0)
+        else:
+            clear_depth(0.0)
 
-def create(context: moderngl.Context, size: tuple[int, int], uv: bool, slopes: bool) -> GBuffer:
-    def target() -> moderngl.Texture:
-        texture = context.texture(size, 4, dtype="f4")
+
+def create(context: moderngl.Context, size: tuple[int, int], kind: Kind) -> GBuffer:
+    def target(components: int = 4) -> moderngl.Texture:
+        texture = context.texture(size, components, dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return texture
 
-    plane, frame = target(), target()
-    coordinates, along = target() if uv else None, target() if uv and slopes else None
-    depth = depth_texture(context, size, stencil=True)
-    attachments = [t for t in (plane, frame, coordinates, along) if t is not None]
-    return GBuffer(
-        size, plane, frame, coordinates, along, depth, stencil.framebuffer(context, attachments, depth)
-    )
+    surface, facet = target(), target(4 if kind.turns else 2)
+    coordinates, along = target() if kind.uv else None, target() if kind.uv and kind.slopes else None
+    depth = depth_texture(context, size, kind.stencil)
+    attachments = [t for t in (surface, facet, coordinates, along) if t is not None]
+    attach = stencil.framebuffer if kind.stencil else moderngl.Context.framebuffer
+    return GBuffer(size, kind, surface, facet, coordinates, along, depth, attach(context, attachments, depth))
 
 
 class GBufferStage:
@@ -62,18 +82,18 @@ class GBufferStage:
         self.context, self.uploads, self.programs, self.bodies = context, uploads, programs, bodies
         self._buffer: GBuffer | None = None
 
-    def draw(self, view: View, slopes: bool, index: int, threshold: float = 0.0) -> GBuffer:
+    def draw(
+        self, view: View, slopes: bool, index: int, threshold: float = 0.0, marked: bool = True
+    ) -> GBuffer:
         """Draw the bodies. ``index``: the sample's number, by which surfaces let rays through; ``threshold`` > 0
-        makes that a cut-out instead."""
+        makes that a cut-out instead. ``marked``: with the material groups in a stencil."""
         uv = self.bodies.table.textured
-        buffer = self._fitting(view.size, uv, slopes)
+        buffer = self._fitting(view.size, Kind(self.bodies.table.turns, uv, slopes, marked))
         context = self.context
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = ">"
-        buffer.framebuffer.use()
-        buffer.framebuffer.clear(0.0, 0.0, 0.0, NOTHING, depth=0.0)
-        stencil.clear()
+        buffer.clear()
         matrix = view.clip_from_world
         eye_z = view.eye_from_world[2]
         for group, seen in zip(self.bodies.groups, self.bodies.visible(matrix), strict=True):
@@ -95,7 +115,8 @@ class GBufferStage:
                 bind(program, "normal_map", self.uploads, group.material.normal_map, 14)
             if group.lets_light_through:
                 set_opacity(program, group, self.uploads, index, threshold)
-            stencil.write(min(self.bodies.table.place[id(group.material)][1] + 1, 255))
+            if marked:
+                stencil.write(min(self.bodies.table.place[id(group.material)][1] + 1, 255))
             group.render(context, program)
         stencil.off()
         context.disable(moderngl.CULL_FACE)
@@ -134,14 +155,13 @@ class GBufferStage:
             [head, text("common.glsl"), maps, text("gbuffer_fragment.glsl")],
         )
 
-    def _fitting(self, size: tuple[int, int], uv: bool, slopes: bool) -> GBuffer:
+    def _fitting(self, size: tuple[int, int], kind: Kind) -> GBuffer:
         buffer = self._buffer
-        fits = buffer is not None and buffer.size == size and (buffer.coordinates is not None) == uv
-        if buffer is not None and fits and (buffer.slopes is not None) == (uv and slopes):
+        if buffer is not None and (buffer.size, buffer.kind) == (size, kind):
             return buffer
         if buffer is not None:
             buffer.release()
-        self._buffer = create(self.context, size, uv, slopes)
+        self._buffer = create(self.context, size, kind)
         return self._buffer
 
     def release(self) -> None:

@@ -18,19 +18,23 @@ from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
 from realtime.shadow_fit import Frustum
 from realtime.shadow_maps import bind
+from realtime.tiles import Tiles
+from realtime.tiles import bits as tile_bits
 from realtime.uploads import Uploads
 from realtime.view import View
 
 CHUNK = 4  # lamps a draw
-MIXED = 0.75  # depth of a pixel whose samples are lit one by one
+# depth of a pixel whose samples are lit one by one: if they are of one group more than its own, else
+ALIKE, AMONG = 0.25, 0.75
 UNITS = {
-    "g_plane": 0,
-    "g_frame": 1,
+    "g_surface": 0,
+    "g_facet": 1,
     "g_coordinates": 2,
     "g_slopes": 3,
     "lens": 4,
     "materials": 5,
     "bodies": 6,
+    "tiles": 15,
     "samples": 0,
 }
 SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 7, 11, 16
@@ -78,11 +82,19 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """What is lit together: all samples of a pass, or, with ``pick``, one of the 2 x 2 of each mixed pixel."""
+    """What is lit together: all samples of a pass, or, with ``base``, the 2 x 2 of each mixed pixel: ALIKE or AMONG."""
 
     buffer: GBuffer
     drawn: Pass
-    pick: tuple[int, int] | None = None
+    base: float = 0.0
+
+    @property
+    def pick(self) -> bool:
+        return self.base > 0
+
+    def depth(self, number: int) -> float:
+        """By which the samples of material group ``number`` are told apart: exact in 32 bits."""
+        return AMONG if self.base == AMONG else self.base + (number + 1) / 65536
 
 
 @dataclass(eq=False)
@@ -116,10 +128,13 @@ class LightingStage:
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
         self._kept: Samples | None = None
+        self.tiles = Tiles(context, programs)
+        self._tiled = False
 
     def begin(self, buffer: GBuffer, drawn: Pass) -> None:
         """Take up a pass: sort its samples by material group."""
         self._layers = [Layer(buffer, drawn)]
+        self._tiled = False
         size = buffer.size
         if drawn.lensmap is not None:
             height, width = drawn.lensmap.d.shape[:2]
@@ -151,7 +166,11 @@ class LightingStage:
     def begin_merged(self, merged: GBuffer, once: Pass, buffer: GBuffer, drawn: Pass) -> None:
         """Take up a pass of which pixels of one smooth surface are lit once: those of ``merged``, sorted by its
         depth. The others are lit at each sample of ``buffer``; samples are whole pixels from here on."""
-        self._layers = [Layer(merged, once), *(Layer(buffer, drawn, (i & 1, i >> 1)) for i in range(4))]
+        self._layers = [Layer(merged, once), Layer(buffer, drawn, ALIKE)]
+        if len(self.table.groups) > 1:
+            self._layers.append(Layer(buffer, drawn, AMONG))
+        self.tiles.find(merged.depth)
+        self._tiled = True
         self._samples = self._fitting(merged.size, merged.depth, sorts=True)
         self._samples.framebuffer.use()
         self._samples.framebuffer.depth_mask = False
@@ -210,8 +229,8 @@ class LightingStage:
             program = self._program(layer, group, chunk, lit)
             world_from_eye = tuple(layer.drawn.view.world_from_eye.T.ravel())
             put(program, world_from_eye=world_from_eye, emitting=float(not chunk), group=float(number))
-            if layer.pick is not None:
-                put(program, pick=layer.pick)
+            if layer.pick:
+                put(program, picks=4)
             if not lit:
                 if group.alone:
                     materials.put_numbers(program, group, self.table)
@@ -219,8 +238,8 @@ class LightingStage:
                     bind(program, name, self.uploads, record, MAP_UNIT + i)
             if not self._samples.sorts:
                 stencil.only(None if lit else number + 1)
-            depth = MIXED if layer.pick is not None else 0.0 if lit else _depth(number)
-            self._draw(program, depth, layer.drawn)
+            depth = 0.0 if lit else layer.depth(number)
+            self._draw(program, depth, layer.drawn, depth)
 
     def resolve(self, target: moderngl.Framebuffer, weight: float) -> None:
         """Add the samples' sum over each pixel, times ``weight``, to ``target``, and start afresh."""
@@ -245,7 +264,8 @@ class LightingStage:
         data = self._samples.framebuffer.read(components=3, dtype="f4")
         return np.frombuffer(data, np.float32).reshape(height, width, 3)
 
-    def _draw(self, program: moderngl.Program, depth: float, drawn: Pass) -> None:
+    def _draw(self, program: moderngl.Program, depth: float, drawn: Pass, wanted: float = 0.0) -> None:
+        """``wanted``: of tiles, those with pixels of this depth; 0 is the whole image."""
         put(
             program,
             screen_depth=depth,
@@ -256,7 +276,15 @@ class LightingStage:
         )
         if program.glo not in self._arrays:
             self._arrays[program.glo] = self.context.vertex_array(program, [])
-        self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
+        if not (self._tiled and wanted):
+            self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
+            return
+        self.tiles.use(UNITS["tiles"])
+        put(program, wanted=tile_bits(wanted))
+        self.context.enable(moderngl.PROGRAM_POINT_SIZE)
+        self._samples.framebuffer.viewport = self.tiles.covered
+        self._arrays[program.glo].render(moderngl.POINTS, vertices=self.tiles.count)
+        self._samples.framebuffer.viewport = (0, 0, *self._samples.color.size)
 
     def _fitting(self, size: tuple[int, int], depth: moderngl.Texture | None, sorts: bool) -> Samples:
         """``depth``: the texture that tells the groups apart, None for one of its own."""
@@ -285,10 +313,19 @@ class LightingStage:
                 self.uploads.profile(point.sample.light.profile).texture.use(PROFILE_UNIT + i)
 
     def _program(self, layer: Layer, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
-        buffer, drawn, pick = layer.buffer, layer.drawn, layer.pick is not None
+        buffer, drawn, pick = layer.buffer, layer.drawn, layer.pick
         signature = chunk[0].signature if chunk else ("NONE", False, False, False, 0)
         uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
-        key = (lit or group.key, signature, len(chunk), uv, telecentric, drawn.lensmap is not None, pick)
+        key = (
+            lit or group.key,
+            signature,
+            len(chunk),
+            uv,
+            telecentric,
+            drawn.lensmap is not None,
+            pick,
+            self._tiled,
+        )
         if key not in self._by_key:
             self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit, pick)
         return self._by_key[key]
@@ -337,7 +374,7 @@ class LightingStage:
         model = "" if lit else materials.source(group)
         about = f"of material {str(group.material.where) or group.material.name}" if group.material else ""
         program = self.programs.get(
-            [text("screen_vertex.glsl")],
+            [text("tile_vertex.glsl" if self._tiled else "screen_vertex.glsl")],
             [
                 head,
                 text("common.glsl"),
@@ -375,11 +412,7 @@ class LightingStage:
             self._lens[1].release()
         if self._kept is not None:
             self._kept.release()
-
-
-def _depth(number: int) -> float:
-    """By which the samples of material group ``number`` are told apart: exact in 32 bits."""
-    return (number + 1) / 65536
+        self.tiles.release()
 
 
 def _units(first: int, count: int) -> object:

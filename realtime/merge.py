@@ -12,8 +12,9 @@ import moderngl
 import numpy as np
 
 from realtime.bodies import Bodies
-from realtime.gbuffer import GBuffer, create
-from realtime.lighting import MIXED, UNITS, Pass
+from realtime.context import clear_depth
+from realtime.gbuffer import GBuffer, Kind, create
+from realtime.lighting import ALIKE, AMONG, UNITS, Pass
 from realtime.programs import Programs, defines, put, text
 
 
@@ -25,15 +26,15 @@ class MergeStage:
 
     def draw(self, buffer: GBuffer, drawn: Pass) -> tuple[GBuffer, Pass]:
         """Half the size of ``buffer``, whose pass ``drawn`` has a grid of 2; its depth is the material group's, as
-        the lighting sorts by it, and MIXED where the samples stand for themselves."""
+        the lighting sorts by it, ALIKE more or AMONG where the samples stand for themselves."""
         merged = self._fitting((buffer.size[0] // 2, buffer.size[1] // 2))
         context = self.context
         merged.framebuffer.use()
-        merged.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0)
+        clear_depth(0.0)
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = "1"
-        head = defines({"TANGENT": self.bodies.table.turns, "MIXED": MIXED})
+        head = defines({"TANGENT": self.bodies.table.turns, "ALIKE": ALIKE, "AMONG": AMONG})
         program = self.programs.get(
             [text("screen_vertex.glsl")], [head, text("common.glsl"), text("merge_fragment.glsl")]
         )
@@ -51,9 +52,10 @@ class MergeStage:
         return merged, replace(drawn, view=view, grid=1, jitter=np.zeros(2))
 
     def _fitting(self, size: tuple[int, int]) -> GBuffer:
-        if self._merged is None or self._merged.size != size:
+        kind = Kind(self.bodies.table.turns, uv=False, slopes=False, stencil=False)
+        if self._merged is None or (self._merged.size, self._merged.kind) != (size, kind):
             self.release()
-            self._merged = create(self.context, size, uv=False, slopes=False)
+            self._merged = create(self.context, size, kind)
         return self._merged
 
     def release(self) -> None:

@@ -31,16 +31,16 @@ def centre(
     camera: Camera, view: View, buffer: GBuffer, lensmap: Lensmap | None, origin: np.ndarray
 ) -> Centre:
     """Read a G-buffer back."""
-    plane, frame = (
-        np.frombuffer(t.read(), np.float32).reshape(view.size[1], view.size[0], 4)
-        for t in (buffer.plane, buffer.frame)
+    surface, slope = (
+        np.frombuffer(t.read(), np.float32).reshape(view.size[1], view.size[0], t.components)
+        for t in (buffer.surface, buffer.facet)
     )
     width, height = camera.sensor.resolution
     column, row = np.meshgrid(np.arange(width), np.arange(height))
     if lensmap is None:
         d = view.rays(np.stack([column, row], -1) + 0.5)
-        q = plane[..., 0].astype(np.float64)
-        found = plane[..., 3] > NOTHING
+        q = surface[..., 0].astype(np.float64)
+        found = surface[..., 3] > NOTHING
     else:
         K = camera.K
         d = np.stack(camera.lens.undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]), axis=-1)
@@ -49,26 +49,34 @@ def centre(
         texel = np.where(finite[..., None], np.floor(np.nan_to_num(window)), 0).astype(int)
         inside = finite & (texel >= 0).all(axis=-1) & (texel < view.size).all(axis=-1)
         i, j = np.where(inside, texel[..., 1], 0), np.where(inside, texel[..., 0], 0)
-        plane, frame = plane[i, j], frame[i, j]
+        surface, slope = surface[i, j], slope[i, j]
         off = window - (texel + 0.5)
-        q = plane[..., 0] + np.where(inside, plane[..., 1] * off[..., 0] + plane[..., 2] * off[..., 1], 0)
-        found = inside & (plane[..., 3] > NOTHING)
+        q = surface[..., 0] + np.where(inside, slope[..., 0] * off[..., 0] + slope[..., 1] * off[..., 1], 0)
+        found = inside & (surface[..., 3] > NOTHING)
     with np.errstate(all="ignore"):
         z = q if view.telecentric else 1 / q
         xy = d if view.telecentric else d * z[..., None]
         position = apply(view.world_from_eye, np.concatenate([xy, z[..., None]], axis=-1)) + origin
-        normal = _towards_eye(frame[..., :3].astype(np.float64), plane, q, d, view)
+        normal = _towards_eye(_from_octahedral(surface[..., 1:3].astype(np.float64)), slope, q, d, view)
     return Centre(
-        body=np.where(found, plane[..., 3], -1).astype(np.int32),
+        body=np.where(found, surface[..., 3], -1).astype(np.int32),
         depth=np.where(found, z, np.inf),
         position=np.where(found[..., None], position, np.nan),
         normal=np.where(found[..., None], normal, np.nan),
     )
 
 
-def _towards_eye(n: np.ndarray, plane: np.ndarray, q: np.ndarray, d: np.ndarray, view: View) -> np.ndarray:
+def _from_octahedral(e: np.ndarray) -> np.ndarray:
+    """(H, W, 3) directions of shaders/common.glsl's code (H, W, 2)."""
+    z = 1 - np.abs(e).sum(axis=-1, keepdims=True)
+    xy = e - np.maximum(-z, 0) * np.where(e >= 0, 1.0, -1.0)
+    n = np.concatenate([xy, z], axis=-1)
+    return n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def _towards_eye(n: np.ndarray, slope: np.ndarray, q: np.ndarray, d: np.ndarray, view: View) -> np.ndarray:
     """The shading normals (H, W, 3) on the side that is seen, as shaders/lighting_fragment.glsl turns them."""
-    g = plane[..., 1:3] * view.focal
+    g = slope[..., :2] * view.focal
     if view.telecentric:
         facet = np.concatenate([g, np.full_like(q, -1.0)[..., None]], axis=-1)
         ray = np.broadcast_to([0.0, 0.0, 1.0], n.shape)

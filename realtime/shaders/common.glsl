@@ -24,6 +24,21 @@ void basis(vec3 n, out vec3 b1, out vec3 b2)
     b2 = vec3(b, s + n.y * n.y * a, -n.y);
 }
 
+// A direction as two numbers, the octahedral map: Meyer et al., On floating-point normal vectors. EGSR 2010.
+vec2 octahedral(vec3 n)
+{
+    vec2 e = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    return n.z >= 0.0 ? e : (1.0 - abs(e.yx)) * vec2(e.x >= 0.0 ? 1.0 : -1.0, e.y >= 0.0 ? 1.0 : -1.0);
+}
+
+vec3 from_octahedral(vec2 e)
+{
+    vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+    float fold = max(-n.z, 0.0);
+    n.xy -= fold * vec2(e.x >= 0.0 ? 1.0 : -1.0, e.y >= 0.0 ? 1.0 : -1.0);
+    return normalize(n);
+}
+
 // The facet's normal in the eye's frame, towards the eye, from the slopes of 1/Z (of Z if telecentric).
 vec3 facet_normal(float q, vec2 slope, vec2 d, vec2 focal)
 {

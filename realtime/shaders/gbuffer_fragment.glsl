@@ -12,8 +12,8 @@ in float z;
 #endif
 flat in float body;
 
-layout(location = 0) out vec4 plane;   // 1/Z (Z if telecentric), its slopes along the window, body
-layout(location = 1) out vec4 frame;   // shading normal, on either side; the tangent's direction
+layout(location = 0) out vec4 surface;  // 1/Z (Z if telecentric), shading normal on either side, body
+layout(location = 1) out vec4 facet;    // slopes of 1/Z along the window; the tangent's direction
 #ifdef UV
 layout(location = 2) out vec4 coordinates;  // u, v
 #ifdef SLOPES
@@ -42,19 +42,22 @@ void main()
 #else
     float q = gl_FragCoord.w;
 #endif
-    vec3 normal = normalize(n);
+    vec3 normal = n;  // of any length, where its direction alone is kept
+#if defined(NORMAL_MAP) || defined(TANGENT)
+    normal = normalize(n);
+#endif
 #ifdef NORMAL_MAP
     vec3 m = sampled(normal_map, normal_map_uv, normal_map_wrap, st);
     vec3 along = normalize(t.xyz - normal * dot(t.xyz, normal));
     normal = normalize(along * m.x + cross(normal, along) * (m.y * sign(t.w)) + normal * m.z);
 #endif
-    plane = vec4(q, dFdx(q), dFdy(q), body);
+    surface = vec4(q, octahedral(normal), body);
 #ifdef TANGENT
     vec3 b1, b2;
     basis(normal, b1, b2);
-    frame = vec4(normal, diamond(vec2(dot(t.xyz, b1), dot(t.xyz, b2))));
+    facet = vec4(dFdx(q), dFdy(q), diamond(vec2(dot(t.xyz, b1), dot(t.xyz, b2))), 0.0);
 #else
-    frame = vec4(normal, 0.0);
+    facet = vec4(dFdx(q), dFdy(q), 0.0, 0.0);
 #endif
 #ifdef UV
     coordinates = vec4(st, 0.0, 0.0);

@@ -1,7 +1,7 @@
 // Radiance of the samples of one material group, by the chunk of lamps at hand.
 // LIT: instead of radiance, (share of the lamps' points that are seen, points that face the surface).
-uniform sampler2D g_plane;
-uniform sampler2D g_frame;
+uniform sampler2D g_surface;
+uniform sampler2D g_facet;
 uniform sampler2D bodies;  // by body: material row, group
 #ifdef UV
 uniform sampler2D g_coordinates;
@@ -12,6 +12,7 @@ uniform sampler2D g_slopes;
 uniform mat4 world_from_eye;
 #ifdef PICK
 uniform float group;
+uniform int picks;  // 4, each of a pixel's 2 x 2 texels; not a constant, for compilers that would write the loop out
 #endif
 uniform float emitting;  // 1 in the draw that adds what surfaces emit
 
@@ -55,11 +56,10 @@ vec3 lamp(int k, Surface x, float values[PARAMETERS])
 }
 #endif
 
-void main()
+vec4 light_of(Sample s)
 {
-    Sample s = locate();
-    vec4 plane = texelFetch(g_plane, s.texel, 0), frame = texelFetch(g_frame, s.texel, 0);
-    float q = plane.x + dot(plane.yz, s.off);
+    vec4 met = texelFetch(g_surface, s.texel, 0), slope = texelFetch(g_facet, s.texel, 0);
+    float q = met.x + dot(slope.xy, s.off);
 #ifdef TELECENTRIC
     vec3 ray = vec3(s.d, q), eye_ray = vec3(0.0, 0.0, 1.0);
 #else
@@ -67,16 +67,17 @@ void main()
 #endif
     vec3 p = (world_from_eye * vec4(ray, 1.0)).xyz;
     vec3 view = -(mat3(world_from_eye) * eye_ray);
-    vec3 facet = mat3(world_from_eye) * facet_normal(q, plane.yz, s.d, pinhole.xy);
-    vec3 normal = dot(frame.xyz, facet) < 0.0 ? -frame.xyz : frame.xyz, tangent, bitangent;
+    vec3 facet = mat3(world_from_eye) * facet_normal(q, slope.xy, s.d, pinhole.xy);
+    vec3 drawn = from_octahedral(met.yz), tangent, bitangent;
+    vec3 normal = dot(drawn, facet) < 0.0 ? -drawn : drawn;
     // an interpolated normal may turn away from the eye at a silhouette, where the surface itself does not
     float cosine = dot(normal, view);
     normal = cosine < 1e-3 ? normalize(normal + (1e-3 - cosine) * view) : normal;
 #ifdef ISOTROPIC
     basis(normal, tangent, bitangent);
 #else
-    basis(frame.xyz, tangent, bitangent);
-    vec2 turn = from_diamond(frame.w);
+    basis(drawn, tangent, bitangent);
+    vec2 turn = from_diamond(slope.z);
     tangent = turn.x * tangent + turn.y * bitangent;
     tangent = normalize(tangent - dot(tangent, normal) * normal);
     bitangent = cross(normal, tangent);
@@ -89,7 +90,7 @@ void main()
 #ifdef TELECENTRIC
     st += moved;
 #else
-    st = (st * plane.x + moved) / q;
+    st = (st * met.x + moved) / q;
 #endif
 #endif
 #else
@@ -103,7 +104,7 @@ void main()
 #ifndef LIT
     vec3 emission;
 #if defined(PICK) || !defined(ALONE)
-    int body = max(int(plane.w), 0);
+    int body = max(int(met.w), 0);
     vec2 place = texelFetch(bodies, ivec2(body & 4095, body >> 12), 0).xy;
     int row = int(place.x);
 #else
@@ -115,8 +116,18 @@ void main()
     // one call a lamp, written out: a loop would index samplers and records at run time
     ALL_LAMPS
 #ifdef PICK
-    radiance = plane.w >= 0.0 && place.y == group ? vec4(0.25 * total, 1.0) : vec4(0.0);
+    return met.w >= 0.0 && place.y == group ? vec4(0.25 * total, 0.25) : vec4(0.0);
 #else
-    radiance = vec4(total, 1.0);
+    return vec4(total, 1.0);
+#endif
+}
+
+void main()
+{
+#ifdef PICK
+    radiance = vec4(0.0);
+    for (int i = 0; i < picks; ++i) radiance += light_of(located(2 * ivec2(gl_FragCoord.xy) + ivec2(i & 1, i >> 1)));
+#else
+    radiance = light_of(locate());
 #endif
 }

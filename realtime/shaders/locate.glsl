@@ -6,15 +6,17 @@ struct Sample {
 };
 
 uniform vec4 pinhole;  // focal, centre
-#ifdef PICK
-uniform ivec2 pick;  // which of a pixel's 2 x 2 texels
-#endif
 #ifdef LENS
 uniform sampler2D lens;
 uniform vec2 jitter;    // px
 uniform vec2 aperture;  // the eye's shift over the distance in focus
 uniform float grid;     // samples a pixel along one side
 #endif
+
+Sample located(ivec2 texel)
+{
+    return Sample(texel, (vec2(texel) + 0.5 - pinhole.zw) / pinhole.xy, vec2(0.0));
+}
 
 Sample locate()
 {
@@ -30,10 +32,6 @@ Sample locate()
     ivec2 texel = ivec2(floor(window));
     return Sample(texel, (window - pinhole.zw) / pinhole.xy, window - (vec2(texel) + 0.5));
 #else
-    ivec2 texel = ivec2(gl_FragCoord.xy);
-#ifdef PICK
-    texel = 2 * texel + pick;
-#endif
-    return Sample(texel, (vec2(texel) + 0.5 - pinhole.zw) / pinhole.xy, vec2(0.0));
+    return located(ivec2(gl_FragCoord.xy));
 #endif
 }

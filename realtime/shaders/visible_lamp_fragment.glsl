@@ -1,5 +1,6 @@
 // A lamp that the camera sees itself: its radiance where a ray meets it before any surface.
-uniform sampler2D g_plane;
+uniform sampler2D g_surface;
+uniform sampler2D g_facet;
 uniform mat4 world_from_eye;
 uniform vec3 lamp_radiance;
 uniform vec4 extent;  // radius, width, height, length (m); distant light: cosine of its half-angle first
@@ -33,8 +34,8 @@ void main()
 {
     Sample s = locate();
     if (s.texel.x < 0) discard;
-    vec4 plane = texelFetch(g_plane, s.texel, 0);
-    float q = plane.x + dot(plane.yz, s.off);
+    vec4 met = texelFetch(g_surface, s.texel, 0);
+    float q = met.x + dot(texelFetch(g_facet, s.texel, 0).xy, s.off);
 #ifdef TELECENTRIC
     vec3 o = vec3(s.d, 0.0), v = vec3(0.0, 0.0, 1.0);
     float surface = q;
@@ -48,7 +49,7 @@ void main()
     o = o * world_from_lamp;
     vec3 towards = v * world_from_lamp;
     float t = distance_to(o, towards);
-    if (t <= 0.0 || (plane.w >= 0.0 && t >= surface)) discard;
+    if (t <= 0.0 || (met.w >= 0.0 && t >= surface)) discard;
 #ifdef KIND_DISTANT
     if (towards.z < extent.x) discard;
 #endif

@@ -12,7 +12,7 @@ from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
-from realtime import stencil
+from realtime import lighting, stencil
 from realtime.materials import is_isotropic
 from realtime.renderers.rasterizer import Rasterizer
 
@@ -56,6 +56,17 @@ def test_each_lamp_alone_lit_once_sums_to_the_image(rasterizer, make, scene):
     lamps = image.passes["light:/lamp"] + image.passes["light:/low"]
     whole = rasterizer.render(scene, camera, samples=4, shading="pixel").pixels
     np.testing.assert_allclose(lamps, whole, atol=1e-5 * whole.max())
+
+
+def test_no_tile_is_left_out_that_shows_a_group(rasterizer, make, scene, monkeypatch):
+    """Drawing every tile for every group gives the same image; its sides are no multiples of a tile's."""
+    camera = make.pinhole((2.5, -3, 2), (0, 0, 0), (163, 121), 0.9)
+    image = rasterizer.render(scene, camera, samples=4, shading="pixel").pixels
+    every = 2**32 - 1
+    monkeypatch.setattr(lighting, "tile_bits", lambda depth: (every, every))
+    np.testing.assert_array_equal(image, rasterizer.render(scene, camera, samples=4, shading="pixel").pixels)
+    monkeypatch.setattr(lighting, "tile_bits", lambda depth: (0, 0))
+    assert rasterizer.render(scene, camera, samples=4, shading="pixel").pixels.max() == 0
 
 
 def test_shading_has_a_known_name(rasterizer, make, scene):
