@@ -60,6 +60,14 @@ class TabulatedGoniometer(Brdf):
             raise ParameterError("TabulatedGoniometer.mirrored needs one azimuth of the light (n_phi_i = 1).")
 
     def f(self, wi: Any, wo: Any) -> Any:
+        value = 0.0 * wi[2]
+        for row, weight in self.corners(wi, wo):
+            value = value + weight * self.values.take(row)  # type: ignore[attr-defined]  # a column
+        return self.scale * value
+
+    def corners(self, wi: Any, wo: Any) -> list[tuple[Any, Any]]:
+        """The rows of the table that stand around a pair of directions (eight, sixteen if anisotropic), and their
+        weights."""
         light = [(0.0, 1.0)]
         if self.n_phi_i > 1:
             light = turn(azimuth(wi[0], wi[1]), self.n_phi_i)
@@ -71,14 +79,13 @@ class TabulatedGoniometer(Brdf):
                 camera = held(half * (self.n_phi_o - 1.0), self.n_phi_o)
             else:
                 camera = turn(azimuth(along, across), self.n_phi_o)
-        value = 0.0 * wi[2]
-        for i, a in held(polar(wi) / self.theta_i_max * (self.n_theta_i - 1.0), self.n_theta_i):
-            for j, b in light:
-                for k, c in held(polar(wo) / self.theta_o_max * (self.n_theta_o - 1.0), self.n_theta_o):
-                    for m, d in camera:
-                        row = ((i * self.n_phi_i + j) * self.n_theta_o + k) * self.n_phi_o + m
-                        value = value + a * b * c * d * self.values.take(row)  # type: ignore[attr-defined]
-        return self.scale * value
+        return [
+            (((i * self.n_phi_i + j) * self.n_theta_o + k) * self.n_phi_o + m, a * b * c * d)
+            for i, a in held(polar(wi) / self.theta_i_max * (self.n_theta_i - 1.0), self.n_theta_i)
+            for j, b in light
+            for k, c in held(polar(wo) / self.theta_o_max * (self.n_theta_o - 1.0), self.n_theta_o)
+            for m, d in camera
+        ]
 
     def sampling(self, wo: Any) -> list[Lobe]:
         """A matte lobe and two about the mirror direction, as strong as the table says there: no narrower than its

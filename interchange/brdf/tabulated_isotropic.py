@@ -48,18 +48,21 @@ class TabulatedIsotropic(Brdf):
             )
 
     def f(self, wi: Any, wo: Any) -> Any:
-        theta_h, theta_d, phi_d = half_difference(wi, wo)
-        h = held(np.sqrt(theta_h * (2.0 / np.pi)) * self.n_theta_h - 0.5, self.n_theta_h)
-        d = held(theta_d * (2.0 / np.pi) * self.n_theta_d - 0.5, self.n_theta_d)
-        phi = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
-        p = around(phi / np.pi * self.n_phi_d - 0.5, self.n_phi_d)
         value = 0.0 * wi[2]
-        for i, u in h:
-            for j, v in d:
-                for k, w in p:
-                    row = (i * self.n_theta_d + j) * self.n_phi_d + k
-                    value = value + u * v * w * self.values.take(row)  # type: ignore[attr-defined]  # a column
+        for row, weight in self.corners(wi, wo):
+            value = value + weight * self.values.take(row)  # type: ignore[attr-defined]  # a column
         return self.scale * value
+
+    def corners(self, wi: Any, wo: Any) -> list[tuple[Any, Any]]:
+        """The eight rows of the table that stand around a pair of directions, and their weights."""
+        theta_h, theta_d, phi_d = half_difference(wi, wo)
+        phi = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
+        return [
+            ((i * self.n_theta_d + j) * self.n_phi_d + k, u * v * w)
+            for i, u in held(np.sqrt(theta_h * (2.0 / np.pi)) * self.n_theta_h - 0.5, self.n_theta_h)
+            for j, v in held(theta_d * (2.0 / np.pi) * self.n_theta_d - 0.5, self.n_theta_d)
+            for k, w in around(phi / np.pi * self.n_phi_d - 0.5, self.n_phi_d)
+        ]
 
     def sampling(self, wo: Any) -> list[Lobe]:
         """Half-vector lobes, each as strong as the table says where it is steepest, over a matte one."""
