@@ -1,20 +1,24 @@
-"""`brightfield render SCENE`: one frame or many, real-time or path-traced, to OpenEXR in linear radiance."""
+"""`brightfield render SCENE`: one frame or many, real-time or path-traced, to OpenEXR in linear radiance or as DN."""
 
 import argparse
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from composer.beside import split_lamps, write_preview
+from composer.exposing import SUFFIXES, add_exposure_options, digital, write_digital
 from composer.frames import choose_cameras, file_name, parse_frames
 from composer.progress import progress_line
 from composer.reading import add_reading_options, options_from
-from interchange.formats.document import open_scene
+from interchange.camera import Camera
+from interchange.formats import exr
+from interchange.formats.document import Document, open_scene
 from interchange.image import check_passes
 from interchange.problems import BrightfieldError
 
-HELP = "render frames to OpenEXR: real-time, or path-traced with --offline"
+HELP = "render frames to OpenEXR or, as the camera gives them, PNG and TIFF: real-time, or path-traced with --offline"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +26,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--offline", action="store_true", help="path-trace with Cycles instead of rasterising"
     )
-    parser.add_argument("--out", type=Path, required=True, help="FILE.exr for one frame, a folder for more")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="FILE.exr (radiance), .png or .tiff (DN) for one frame, a folder for more",
+    )
     view = parser.add_argument_group("what is seen")
     view.add_argument(
         "--camera", "--cameras", nargs="+", default=[], metavar="PRIM", help='camera prims, or "all"'
@@ -45,6 +54,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     more.add_argument("--per-light", action="store_true", help="also one image a lamp: FILE.LAMP.exr")
     more.add_argument("--preview", action="store_true", help="also a PNG to look at")
+    more.add_argument("--dn", choices=("png", "tiff"), help="also the camera's image in DN beside each frame")
+    add_exposure_options(parser)
     where = parser.add_argument_group("where it runs (path-traced)")
     where.add_argument("--workers", type=int, default=0, help="worker processes on this machine")
     where.add_argument(
@@ -68,33 +79,52 @@ def run(args: argparse.Namespace) -> int:
         times = [args.time]
     cameras = choose_cameras(document.scene(times[0]), args.camera)
     one = len(times) == 1 and len(cameras) == 1 and not args.frames
-    if one and args.out.suffix.lower() != ".exr":
-        raise BrightfieldError(f"One frame is written to a file that ends in .exr; got {args.out}.")
+    as_dn = one and args.out.suffix.lower() in SUFFIXES
+    if one and args.out.suffix.lower() != ".exr" and not as_dn:
+        known = ", ".join((".exr", *SUFFIXES))
+        raise BrightfieldError(f"One frame is written to a file that ends in {known}; got {args.out}.")
+    if args.dn == "png" and args.preview:
+        raise BrightfieldError("Give --dn tiff beside --preview: both would be the frame's .png.")
+    if as_dn and (args.dn or args.preview or args.per_light):
+        raise BrightfieldError("A frame in DN stands alone; give --out FILE.exr for files beside it.")
+    if len(times) > 1 and args.dn and any(c.sensor.frame_rate for c in cameras):
+        args.passes = [*args.passes, "motion"]  # what moves is blurred, or slanted by a rolling shutter
+        passes = check_passes(args.passes)
     if not one and args.out.suffix:
         raise BrightfieldError(f"Several frames are written to a folder; got {args.out}.")
 
     def name(camera: str, time: float) -> Path:
+        if as_dn:
+            return radiance
         return args.out if one else args.out / file_name(camera, time)
 
-    if args.offline:
-        failed = _offline(args, [c.name for c in cameras], times, name, passes)
-    else:
-        from composer.rendering import render_live
-
-        render_live(
-            document,
-            cameras,
-            times,
-            name,
-            args.samples or 16,
-            args.passes,
-            args.per_light,
-            args.width,
-            progress_line,
-        )
-        failed = 0
-    _beside(args, [name(c.name, t) for c in cameras for t in times])
+    with tempfile.TemporaryDirectory() as folder:
+        radiance = Path(folder) / "radiance.exr"
+        failed = _render(args, document, cameras, times, name, passes)
+        if as_dn and radiance.is_file():
+            write_digital(args.out, digital(exr.read(radiance), args, file_name(cameras[0].name, times[0])))
+    _beside(args, [] if as_dn else [name(c.name, t) for c in cameras for t in times])
     return 2 if failed else 0
+
+
+def _render(
+    args: argparse.Namespace,
+    document: Document,
+    cameras: list[Camera],
+    times: list[float],
+    name: Callable[[str, float], Path],
+    passes: tuple[str, ...],
+) -> int:
+    """Write the frames as OpenEXR; returns how many failed."""
+    if args.offline:
+        return _offline(args, [c.name for c in cameras], times, name, passes)
+    from composer.rendering import render_live
+
+    samples = args.samples or 16
+    render_live(
+        document, cameras, times, name, samples, args.passes, args.per_light, args.width, progress_line
+    )
+    return 0
 
 
 def _offline(
@@ -146,3 +176,5 @@ def _beside(args: argparse.Namespace, files: list[Path]) -> None:
             split_lamps(file)
         if args.preview:
             write_preview(file)
+        if args.dn:
+            write_digital(file.with_suffix(f".{args.dn}"), digital(exr.read(file), args, file.stem))

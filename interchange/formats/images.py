@@ -10,6 +10,7 @@ import re
 import warnings
 import zipfile
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -148,15 +149,39 @@ def write_png(path: Path | str, array: np.ndarray) -> None:
 
     The numbers in the file are those of the array. Raises BrightfieldError for any other array.
     """
+    _write_integers(Path(path), array, "PNG", png.encode, 4)
+
+
+def write(path: Path | str, array: np.ndarray) -> None:
+    """Write (h, w), (h, w, 1) or (h, w, 3), uint8 or uint16, as PNG or TIFF by the name, beside and renamed.
+
+    The numbers in the file are those of the array. Raises BrightfieldError for any other array or name.
+    """
     path = Path(path)
-    shape_ok = array.ndim in (2, 3) and array.size > 0 and (array.ndim == 2 or array.shape[2] <= 4)
+    if array.ndim == 3 and array.shape[2] not in (1, 3):
+        raise BrightfieldError(f"An image of DN must have 1 or 3 channels; got {array.shape[2]}. ({path})")
+    match path.suffix.lower():
+        case ".png":
+            _write_integers(path, array, "PNG", png.encode, 3)
+        case ".tif" | ".tiff":
+            _write_integers(path, array, "TIFF", tiff.encode, 3)
+        case _:
+            raise BrightfieldError(
+                f"Integers are written to a file that ends in .png, .tif or .tiff; got {path}."
+            )
+
+
+def _write_integers(
+    path: Path, array: np.ndarray, kind: str, encode: Callable[[np.ndarray], bytes], most: int
+) -> None:
+    shape_ok = array.ndim in (2, 3) and array.size > 0 and (array.ndim == 2 or array.shape[2] <= most)
     if not shape_ok or array.dtype not in (np.uint8, np.uint16):
         raise BrightfieldError(
-            f"A PNG must have 1 to 4 channels of uint8 or uint16; got {array.shape} {array.dtype}. ({path})"
+            f"A {kind} must have 1 to {most} channels of uint8 or uint16; got {array.shape} {array.dtype}. ({path})"
         )
     beside = written_beside(path)
     try:
-        beside.write_bytes(png.encode(array))
+        beside.write_bytes(encode(array))
         os.replace(beside, path)
     except OSError as error:
         raise FileError(Problem(f"The file cannot be written: {error.strerror}.", Where(str(path)))) from None

@@ -90,6 +90,37 @@ def decode(data: bytes, path: Path) -> Decoded:
     return Decoded(array, names, code[1], None, about)
 
 
+def encode(array: np.ndarray) -> bytes:
+    """TIFF of an array (h, w), (h, w, 1) or (h, w, 3), uint8 or uint16: one strip, not packed, little-endian."""
+    height, width = array.shape[:2]
+    samples = array.shape[2] if array.ndim == 3 else 1
+    bits = 8 * array.dtype.itemsize
+    pixels = np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes()
+    entries = {
+        WIDTH: (4, [width]),
+        HEIGHT: (4, [height]),
+        BITS: (3, [bits] * samples),
+        COMPRESSION: (3, [1]),
+        PHOTOMETRIC: (3, [2 if samples == 3 else 1]),
+        OFFSETS: (4, [8]),
+        SAMPLES: (3, [samples]),
+        ROWS: (4, [height]),
+        COUNTS: (4, [len(pixels)]),
+        PLANAR: (3, [1]),
+        FORMAT: (3, [1] * samples),
+    }
+    start = 8 + len(pixels) + len(pixels) % 2
+    beyond = start + 2 + 12 * len(entries) + 4
+    directory, more = struct.pack("<H", len(entries)), b""
+    for tag, (kind, values) in sorted(entries.items()):
+        data = struct.pack(f"<{len(values)}{LETTERS[kind]}", *values)
+        if len(data) > 4:
+            data, more = struct.pack("<I", beyond + len(more)), more + data
+        directory += struct.pack("<HHI", tag, kind, len(values)) + data.ljust(4, b"\0")
+    head = struct.pack("<2sHI", b"II", 42, start)
+    return head + pixels + b"\0" * (len(pixels) % 2) + directory + struct.pack("<I", 0) + more
+
+
 _KINDS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (3, 16): "f2", (3, 32): "f4", (3, 64): "f8"}
 
 

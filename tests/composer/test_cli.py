@@ -163,7 +163,7 @@ def test_one_frame_path_traced(scene, tmp_path):
     [
         (["--camera", "Topp", "--out", "a.exr"], 'Did you mean "Top"?'),
         (["--out", "a.exr"], "2 cameras"),
-        (["--camera", "Top", "--out", "a.png"], "ends in .exr"),
+        (["--camera", "Top", "--out", "a.jpg"], "ends in .exr, .png, .tif, .tiff"),
         (["--camera", "all", "--out", "a.exr"], "to a folder"),
         (["--camera", "Top", "--out", "a.exr", "--passes", "dept"], "Unknown pass dept"),
         (["--camera", "Top", "--out", "a.exr", "--passes", "indirect"], "no pass indirect"),
