@@ -13,7 +13,7 @@ import numpy as np
 from composer.aligned import Description
 from interchange.camera import Camera, Projection
 from interchange.distortion import NAMES
-from interchange.formats import exr, images, measurements, photometry
+from interchange.formats import exr, images, photometry
 from interchange.formats.base import Options
 from interchange.formats.document import Document, format_of, open_scene
 from interchange.formats.exr_header import read_header, size
@@ -22,8 +22,10 @@ from interchange.formats.luminous_intensity import Photometry, full_angle
 from interchange.image import Quantity
 from interchange.light import Light, LightKind
 from interchange.material import Material
-from interchange.parameter import parameters
+from interchange.measurement import Kind, Measurement
+from interchange.parameter import parameters, settings
 from interchange.problems import FileError, Problem, Severity
+from interchange.reflectance import ReflectanceSamples
 from interchange.scene import Body, Scene
 
 INTENSITY_UNIT = {LightKind.DISTANT: "W/m²", LightKind.DOME: "W/(m² sr)"}  # all others: W/sr
@@ -44,7 +46,7 @@ def describe(path: Path | str, options: Options = Options()) -> Description:  # 
         case "photometry":
             return head | _photometry(photometry.load(path))
         case _:
-            return head | _measurement(measurements.read(path))
+            return head | _measurement(kind.read(path, options))
 
 
 def _document(document: Document) -> Description:
@@ -294,7 +296,7 @@ def _photometry(lamp: Photometry) -> Description:
     return {k: x for k, x in found.items() if x is not None}
 
 
-def _measurement(found: measurements.Measurement) -> Description:
+def _measurement(found: Measurement) -> Description:
     axes = [
         {"name": a.name, "unit": a.unit, "distinct": len(np.unique(a.values)), **_range(a.values)}
         for a in found.axes
@@ -310,12 +312,28 @@ def _measurement(found: measurements.Measurement) -> Description:
     return {
         "kind": found.kind.value,
         "readings": found.rows,
+        **_reflectance(found),
         "comments": list(found.comments),
         "axes": axes,
         "values": values,
         "words": words,
         "problems": _problems(found.notes),
     }
+
+
+def _reflectance(found: Measurement) -> Description:
+    """What a BRDF has beside its columns: how much of it is usable, sigma, and the model it tabulates."""
+    if found.kind is not Kind.BRDF:
+        return {}
+    samples = ReflectanceSamples.from_measurement(found)
+    about: Description = {"usable": int(samples.usable.sum())}
+    if samples.sigma is not None:
+        ratio = samples.sigma / np.maximum(np.abs(samples.f), 1e-12)
+        about["median_sigma_percent"] = float(100 * np.nanmedian(ratio))
+    if found.model is not None:
+        shape = " x ".join(str(getattr(found.model, name)) for name in settings(found.model))
+        about["model"] = f"{type(found.model).__name__} ({shape})"
+    return about
 
 
 def _range(values: np.ndarray) -> Description:

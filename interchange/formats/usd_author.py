@@ -140,6 +140,15 @@ def author_material(stage: Usd.Stage, path: str, material: Material) -> UsdShade
     return usd
 
 
+def material_stage(material: Material) -> Usd.Stage:
+    """A stage that holds one material, its default prim: ``references = @material.usda@`` brings it elsewhere."""
+    stage = new_stage()
+    UsdGeom.Scope.Define(stage, "/World/Materials")
+    usd = author_material(stage, free_path(stage, "/World/Materials", material.name), material)
+    stage.SetDefaultPrim(usd.GetPrim())
+    return stage
+
+
 def preview_of(brdf: Brdf) -> UsdPreviewSurface:
     """The UsdPreviewSurface that looks most like a BRDF: its diffuse albedo, and a roughness from its exponent.
 
