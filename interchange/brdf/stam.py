@@ -31,10 +31,10 @@ class Stam(Brdf):
     isotropic = False
     conserves_energy = False
 
-    diffuse: Color = parameter((0.0, 0.0, 0.0), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
+    diffuse: Color = parameter((0.02, 0.02, 0.02), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     sigma: float = parameter(100.0, "σ", "nm", 0.1, 2000, "rms height of the surface")
-    T_x: float = parameter(1500.0, "T_x", "nm", 50, 2e4, "correlation length along the tangent")
-    T_y: float = parameter(6000.0, "T_y", "nm", 50, 2e4, "correlation length along the bitangent")
+    T_x: float = parameter(1000.0, "T_x", "nm", 50, 2e4, "correlation length along the tangent")
+    T_y: float = parameter(3000.0, "T_y", "nm", 50, 2e4, "correlation length along the bitangent")
     wavelength: Color = parameter((610.0, 550.0, 465.0), "λ", "nm", 100, 2e4, "wavelength", Kind.COLOR)
     eta: Color = parameter((1.25, 0.97, 0.65), "n", "1", 0.01, 20, "index of refraction", Kind.COLOR)
     k: Color = parameter((7.3, 6.6, 5.5), "κ", "1", 0, 20, "index of extinction", Kind.COLOR)
