@@ -3,7 +3,7 @@
 residual = sqrt(mean (f_model - f)²) / sqrt(mean f²)        a channel, over the usable samples
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -26,13 +26,22 @@ class Projection(Generic[Model]):
     numbers: int
 
 
-def residual(brdf: Brdf, samples: ReflectanceSamples) -> np.ndarray:
-    """(3,) rms of model less data over rms of data. Raises BrightfieldError where the data are black."""
+def residual(brdf: Brdf, samples: ReflectanceSamples, cosine: bool = False) -> np.ndarray:
+    """(3,) rms of model less data over rms of data, both times wi.z if ``cosine``. BrightfieldError for black data."""
     samples = prepared(samples)
-    size = np.sqrt(np.mean(samples.f**2, axis=0))
+    scale = samples.wi[:, 2:] if cosine else np.ones((len(samples), 1))
+    size = np.sqrt(np.mean((scale * samples.f) ** 2, axis=0))
     if not (size > 0).all():
         raise BrightfieldError(f"A relative residual needs data other than 0 in every channel; got {size}.")
-    return np.sqrt(np.mean((brdf.evaluate(samples.wi, samples.wo) - samples.f) ** 2, axis=0)) / size
+    error = scale * (brdf.evaluate(samples.wi, samples.wo) - samples.f)
+    return np.asarray(np.sqrt(np.mean(error**2, axis=0)) / size)
+
+
+def by_cosine(samples: ReflectanceSamples) -> ReflectanceSamples:
+    """The usable samples with ``sigma`` (or 1) over cosine, so that every projection weighs f cos."""
+    samples = samples.masked()
+    sigma = np.ones_like(samples.f) if samples.sigma is None else samples.sigma
+    return replace(samples, sigma=sigma / samples.wi[:, 2:])
 
 
 def prepared(data: ReflectanceSamples | Brdf, count: int = 4096) -> ReflectanceSamples:
