@@ -11,7 +11,7 @@ it on values that write GLSL or OSL. So that all three agree, ``f`` holds no ``i
 ``self.table.take(index)``, ``index`` a whole number (``np.floor``).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
@@ -27,6 +27,7 @@ class Brdf:
     isotropic: ClassVar[bool] = True
     reciprocal: ClassVar[bool] = True
     conserves_energy: ClassVar[bool] = True  # for every parameter value within the bounds
+    example: ClassVar[Mapping[str, Any]] = {}  # what to show it with, where its defaults show nothing
 
     def __post_init__(self) -> None:
         freeze(self)

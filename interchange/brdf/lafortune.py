@@ -6,8 +6,9 @@ Cx = Cy = -1, Cz = 1 is Phong's mirror lobe; Cz > |Cx| lifts it off the mirror d
 Cx > 0 makes it retro-reflective; Cx != Cy makes it anisotropic.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +23,7 @@ class Lafortune(Brdf):
     source = "Lafortune et al.: Non-linear approximation of reflectance functions. SIGGRAPH 1997."
     isotropic = False
     conserves_energy = False  # weight and C are free
+    example: ClassVar[Mapping[str, Any]] = {"weight": (0.8,), "C": ((-0.97, -0.97, 1.0),), "n": (30.0,)}
 
     diffuse: Color = parameter((0.3, 0.3, 0.3), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     weight: tuple[Color, ...] = parameter((), "w", "1/sr", 0, 1e3, "lobe height", Kind.COLOR, per_lobe=True)
