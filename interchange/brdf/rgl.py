@@ -1,18 +1,21 @@
 """A measured BRDF in the adaptive parameterisation of Dupuy and Jakob, as the RGL material database holds it.
 
-    f = s S(u) D(m) / (4 sigma(wi) wo.z),    m = (wi + wo) / |wi + wo|,    u = W⁻¹(m; wi)
+    f = s S(u) D(m) / (4 sigma(wo) wi.z),    m = (wi + wo) / |wi + wo|,    u = W⁻¹(m; wo)
 
-D: a distribution of facets, estimated from retro-reflection; sigma: the area of facets that ``wi`` sees; W: the map of
-the unit square onto half vectors, by the density of facets visible from ``wi`` (rows first, then columns, each by its
+D: a distribution of facets, estimated from retro-reflection; sigma: the area of facets that ``wo`` sees; W: the map of
+the unit square onto half vectors, by the density of facets visible from ``wo`` (rows first, then columns, each by its
 cumulative sums), so that the table S spends its cells where light goes. Polar angles are tabulated over
 sqrt(2 theta / pi), azimuths over (phi + pi) / 2 pi; every grid holds its ends and runs straight in between, and
 along the angles of incidence (``n_phi_i`` x ``n_theta_i`` nodes, held beyond). With one or two azimuths of incidence
-the surface is isotropic and the half vector's azimuth counts from that of ``wi``; ``reduction`` 2 or 4 says how many
+the surface is isotropic and the half vector's azimuth counts from that of ``wo``; ``reduction`` 2 or 4 says how many
 mirror images of the measured azimuths fill the circle. ``jacobian`` 0 leaves D / 4 sigma away.
 
 ``warp`` holds, one behind the other: nodes of theta_i and phi_i, D, sigma, and, for each incidence, the density, its
-sums along each row, and the sums of the rows. The light is the measured incidence; neither reciprocity nor energy is
-enforced.
+sums along each row, and the sums of the rows.
+
+The camera stands for the incidence of the measurement, as when Mitsuba traces a path: S holds the cosine of the other
+direction, and that cosine then is the light's, which multiplies f anyway. A measured surface is reciprocal; the table,
+and its energy, are what was measured.
 """
 
 from dataclasses import dataclass
@@ -33,7 +36,7 @@ Corners = list[tuple[Any, Any]]
 
 
 def _matte() -> np.ndarray:
-    """S of the default: 0.5 / pi times the cosine of ``wo``, under a uniform map."""
+    """S of the default: 0.5 / pi times the cosine of ``wi``, under a uniform map."""
     theta_i, y, x = np.meshgrid(np.array([0.0, 0.5, 1.0, 1.5]), *2 * [np.arange(9) / 8], indexing="ij")
     theta, phi = np.square(x) * np.pi / 2, (2 * y - 1) * np.pi
     cos = np.cos(theta) * np.cos(theta_i) + np.sin(theta) * np.cos(phi) * np.sin(theta_i)
@@ -126,6 +129,10 @@ class Rgl(Brdf):
         return total
 
     def f(self, wi: Any, wo: Any) -> Any:
+        return self.scale * self._light(wo, wi) / wi[2]
+
+    def _light(self, wi: Any, wo: Any) -> Any:
+        """f wo.z, with ``wi`` the incidence of the measurement."""
         if self.reduction >= 2:  # the measured azimuths are those below the tangent
             side = [wi[1] >= 0.0 if k == 1 or self.reduction == 2 else wi[0] >= 0.0 for k in (0, 1)]
             wi, wo = ((*(np.where(s, -a, a) for s, a in zip(side, w, strict=False)), w[2]) for w in (wi, wo))
@@ -157,7 +164,7 @@ class Rgl(Brdf):
                 * d
                 / (4.0 * np.maximum(self._bilinear(u_i, "sigma", self.sigma_x, self.sigma_y), 1e-12))
             )
-        return self.scale * value / wo[2]
+        return value
 
     def _nodes(self, angle: Any, part: str, count: int) -> Corners:
         """The neighbours of an angle among its nodes, and their weights."""

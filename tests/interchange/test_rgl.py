@@ -50,7 +50,7 @@ W = np.array(
         [[0.1, -0.8, 0.3], [0.1, -0.7, 0.4]],
     ]
 )
-MITSUBA = [  # measured.eval(wi, wo), which is f wo.z, of files of arrays(phi)
+MITSUBA = [  # measured.eval(camera, light), which is f times the light's cosine, of files of arrays(phi)
     (
         [0.0],
         [
@@ -81,8 +81,8 @@ MITSUBA = [  # measured.eval(wi, wo), which is f wo.z, of files of arrays(phi)
 @pytest.mark.parametrize(("phi", "expected"), MITSUBA)
 def test_evaluation_is_mitsubas(phi: list[float], expected: list[list[float]], tmp_path: Path) -> None:
     write_tensors(tmp_path / "a.bsdf", arrays(phi))
-    wi, wo = np.moveaxis(W / np.linalg.norm(W, axis=-1, keepdims=True), 1, 0)
-    got = open_file(tmp_path / "a.bsdf").model.evaluate(wi, wo) * wo[:, 2:]
+    wo, wi = np.moveaxis(W / np.linalg.norm(W, axis=-1, keepdims=True), 1, 0)
+    got = open_file(tmp_path / "a.bsdf").model.evaluate(wi, wo) * wi[:, 2:]
     assert got == pytest.approx(np.array(expected), rel=1e-5)  # single precision
 
 
@@ -121,7 +121,7 @@ def test_the_model_is_its_own_file_at_every_data_point(phi: list[float], tmp_pat
     inner &= (column > 0) & (row > 0) & (row < 5)
     inner &= np.abs(samples.wi[:, 1]) > (1e-3 if len(phi) > 2 else -1)
     assert inner.sum() > 20
-    got = found.model.evaluate(samples.wi, samples.wo)
+    got = found.model.evaluate(samples.wo, samples.wi)  # the model's camera is the measurement's lamp
     assert got[inner] == pytest.approx(samples.f[inner], rel=2e-3)
 
 
