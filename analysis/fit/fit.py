@@ -33,7 +33,7 @@ class Options:
     """``lobes``: their number, or 0 to choose it up to ``most_lobes``. ``isotropic``: None asks the samples.
     ``fixed``: parameters that are not fitted. ``seconds``: for one model."""
 
-    weighting: str = "mse"
+    weighting: str = "log"
     lobes: int = 0
     most_lobes: int = 3
     per_channel: bool = False
@@ -100,7 +100,8 @@ def model_of(name: str) -> type[Brdf]:
     model = BY_NAME[known[word]]
     if model.__name__ not in fittable():
         raise BrightfieldError(
-            f"{model.__name__} holds a table or other models and cannot be fitted. Known: {', '.join(sorted(fittable()))}."
+            f"{model.__name__} holds a table or other models, not parameters to fit. Known: "
+            f"{', '.join(sorted(fittable()))}."
         )
     return model
 

@@ -4,11 +4,12 @@
 |--------|--------------|-------------|---------------------------------------------------------------------------|
 | mse    | f            | 1           | plain squares of the BRDF, ruled by its highlights and grazing angles     |
 | cosine | f            | cos θ_i     | of the radiance under a lamp of one irradiance: Ngan et al. 2005, eq. 1   |
-| log    | asinh(f / 2ε)| 1           | relative differences; straight through zero below ε                       |
+| log    | asinh(f / 2ε)| 1           | relative differences; straight through zero below ε                      |
 | sigma  | f            | 1 / σ       | of the measurement's own standard deviations: chi squared                 |
 
 asinh(f / 2ε) is ln(f / ε) for f far above ε and f / 2ε below, so negative readings count as they are and need no
-clipping. ε: the median of σ where it is known, else 1 % of the median reading.
+clipping. ε: the median of σ where it is known, else 5 % of the median reading (mean of its channels): what is darker
+than that is mostly the instrument's own floor.
 Ngan, Durand, Matusik: Experimental analysis of BRDF models. EGSR 2005.
 """
 
@@ -68,4 +69,4 @@ def smallest(samples: ReflectanceSamples) -> float:
     """The reflectance (1/sr) below which differences count plainly instead of relatively."""
     if samples.sigma is not None and np.median(samples.sigma) > 0:
         return float(np.median(samples.sigma))
-    return float(max(0.01 * np.median(np.abs(samples.f)), 1e-9))
+    return float(max(0.05 * np.median(np.abs(samples.f.mean(axis=1))), 1e-9))
