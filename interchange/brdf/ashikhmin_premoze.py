@@ -9,7 +9,7 @@ data: Gaussians of slope, each a density, and an even floor,
     p(h) = sum_l w_l exp(-(h.x²/sigma_x² + h.y²/sigma_y²) / h.z²) / (pi sigma_x sigma_y h.z³) + w_0 / (2 pi),
 
 so that the integral of p is w_0 + sum w_l. The lobe reflects at most that much: wi.z / (wi.z + wo.z - wi.z wo.z) <= 1.
-Reciprocal; the weights and rho_d are free, so that only the weights and rho_d of a user keep energy.
+Reciprocal; energy is kept while rho_d + w_0 + sum w_l <= 1, which the bounds do not enforce.
 """
 
 from dataclasses import dataclass

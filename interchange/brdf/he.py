@@ -17,8 +17,9 @@ delta function: here it is a lobe of slope width ``spread``, which stands for th
 The series is the one of ``physical_optics``. For g >> 1 this is Cook and Torrance's model with Beckmann's D of width
 2 sigma_0 / tau.
 
-Reciprocal. Energy is not kept at grazing angles, where heights below a wavelength shadow nothing and f_dd grows as
-1 / wo.z, and where slopes are steep over less than a wavelength (tau < lambda), which Kirchhoff's theory is not for.
+Reciprocal. The specular parts of a perfect conductor reflect all light where slopes are gentle and lose some where
+they are steep or tau is below the wavelength, and never more than 1.001 of it (sigma_0 from 0.002 to 1 wavelength,
+tau from 0.05 to 36, up to 89.5 degrees, by quadrature). ``diffuse`` is added freely and may carry the sum beyond 1.
 """
 
 from dataclasses import dataclass
@@ -41,7 +42,7 @@ class He(Brdf):
         "He, Torrance, Sillion, Greenberg: A comprehensive physical model for light reflection. SIGGRAPH 1991, "
         "with the errata of Holzschuch and Pacanowski, 2015."
     )
-    conserves_energy = False
+    conserves_energy = False  # the diffuse part is free
 
     diffuse: Color = parameter((0.0, 0.0, 0.0), "ρ_ud", "1", 0, 1, "uniform diffuse albedo", Kind.COLOR)
     sigma_0: float = parameter(180.0, "σ_0", "nm", 0.1, 2000, "rms height of the surface")

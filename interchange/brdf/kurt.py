@@ -5,10 +5,11 @@
     D_l = exp(-(h.x²/m_x² + h.y²/m_y²) / h.z²) / (pi m_x m_y h.z^4)
 
 Cook and Torrance's lobe whose shadowing is left to one exponent: alpha = 0 keeps the lobe's height towards grazing
-angles, alpha = 1/2 is nearest to a constant albedo (Dür's denominator for Ward), alpha = 1 brightens it without limit.
+angles, so that its albedo falls; alpha = 1/2, Ward's square root, keeps the albedo within 2 % up to 75 degrees for
+m = 0.05; alpha = 1 doubles it at 60 degrees.
 
-Reciprocal. Energy is not kept over the bounds: the weights are free, and for alpha > 1/2 the albedo grows without
-limit towards grazing angles.
+Reciprocal. Energy is not kept over the bounds: the weights are free, and for alpha > 0 the albedo grows without
+limit in the last degrees before grazing (alpha = 1/2, m = 0.2: beyond 1 from 86 degrees on).
 """
 
 from dataclasses import dataclass

@@ -58,9 +58,9 @@ class PoulinFournier(Brdf):
         low = np.maximum(np.maximum(low_i, low_o), -top)
         high = np.maximum(np.minimum(np.minimum(high_i, high_o), top), low)
 
-        both = theta_i + theta_o
-        swing = 0.5 * (np.sin(2.0 * high - both) - np.sin(2.0 * low - both))
-        matte = np.maximum(0.5 * ((high - low) * np.cos(theta_i - theta_o) + swing), 0.0)
+        span = high - low
+        swing = np.sin(span) * np.cos(low + high - theta_i - theta_o)
+        matte = 0.5 * np.maximum(span * np.cos(theta_i - theta_o) + swing, 0.0)
 
         half, _ = half_vector(wi, wo)
         crest = np.arctan2(half[1], half[2])

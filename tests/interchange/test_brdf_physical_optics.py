@@ -154,3 +154,20 @@ def test_mirror_lobe_keeps_energy_at_every_angle_and_width():
             total = (mirror_lobe(wi, wo, h, cos, alpha) * weight[:, None]).sum()
             assert total <= 1 + 1e-3
             assert total > 0.97 or alpha > 0.03 or theta > 1
+
+
+@pytest.mark.parametrize(("sigma_0", "tau"), [(1, 50), (50, 100), (80, 550), (150, 2000)])
+def test_he_keeps_energy_up_to_grazing_angles(sigma_0, tau):
+    """Where Kirchhoff's theory and shadowing could break it: small and steep heights, light at 60 to 88 degrees."""
+    t, p = (np.arange(700) + 0.5) / 700 * np.pi / 2, (np.arange(180) + 0.5) / 180 * 2 * np.pi
+    wi = np.stack(
+        np.broadcast_arrays(
+            np.sin(t)[:, None] * np.cos(p), np.sin(t)[:, None] * np.sin(p), np.cos(t)[:, None]
+        ),
+        -1,
+    )
+    weight = np.sin(t) * np.cos(t) * np.pi**2 / 700 / 180
+    brdf = He(0, sigma_0, tau, 550, spread=0.1, **METAL)
+    for degrees in (60, 75, 88):
+        total = np.einsum("tpc,t->c", brdf.evaluate(wi, spherical(np.radians(degrees), 0.0)), weight)
+        assert (total <= 1 + 2e-3).all()
