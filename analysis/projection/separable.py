@@ -6,7 +6,7 @@ The first K terms are the best rank K in rms (Eckart, Young). A is brought onto 
 where both directions are above the surface. Nodes that no value touches (a third lie below the horizon) are filled
 smoothly; so that the filling costs no rank, u and v are then renewed in turn, such nodes weighing 1e-4. What scattered
 samples lose on the way over nodes comes back by ``refined``: u and v in turn, by least squares over the samples
-themselves (held-out residual of Cornell's garnet red below 65°: 15 % before, 5 % after, rank 2).
+themselves (Cornell's garnet red to 65°, rank 2: docs/representations.md).
 
 Normalised: u_i is the sum over j of A_ij over that of v_j, v_j the sum over i of A_ij over that of u_i, in turn from
 v = 1 over the touched nodes: one product, never negative. Kautz, McCool 1999 (a table without gaps needs one turn).
@@ -26,16 +26,17 @@ from interchange.reflectance import ReflectanceSamples
 from interchange.table import Table
 
 TURNS = 100
+POLE = 10.0
 FILLED = 1e-4  # weight of a node that no value touches
 
 
 def separable(
     data: ReflectanceSamples | Brdf,
     rank: int,
-    nodes_h: int = 24,
+    nodes_h: int = 16,
     azimuths: int = 1,
     nodes_d: int = 12,
-    turns: int = 4,
+    turns: int = 1,
     smoothness: float = 1e-3,
     refine: int = 20,
     normalised: bool = False,
@@ -43,8 +44,9 @@ def separable(
     """``data`` as a sum of ``rank`` products over tables of the given sizes; ``numbers`` counts both.
 
     ``azimuths`` 1 takes the surface for isotropic, and then for mirrored at the plane of normal and half vector as
-    well. ``refine``: turns of ``refined``, 0 for none. ``normalised`` (rank 1 only): the cheaper decomposition, which
-    is not refined.
+    well. ``turns`` 1 leaves the azimuth of the difference out, so that two angles remain, theta_h and theta_d: what an
+    isotropic highlight and few samples near the mirror direction call for. ``refine``: turns of ``refined``, 0 for
+    none. ``normalised`` (rank 1 only): the cheaper decomposition, which is not refined.
     """
     if normalised and rank != 1:
         raise BrightfieldError(f"The normalised decomposition has one product; got rank {rank}.")
@@ -80,7 +82,9 @@ def refined(
     half, difference = frame.nodes(tuple(samples.wi.T), tuple(samples.wo.T))
     size_h, size_d = (frame.azimuths, frame.nodes_h), (frame.turns, frame.nodes_d)
     at_h, at_d = _spread(half, len(samples), u.shape[1]), _spread(difference, len(samples), v.shape[1])
-    calm_h = sparse.vstack([along(0, size_h, bends(size_h[0], True)), along(1, size_h, bends(size_h[1]))])
+    calm_h = sparse.vstack(
+        [along(0, size_h, bends(size_h[0], True)), along(1, size_h, level_at_pole(size_h[1]))]
+    )
     calm_d = sparse.vstack([along(0, size_d, steps(size_d[0], True)), along(1, size_d, bends(size_d[1]))])
     weight = weights(samples)
     for _ in range(turns):
@@ -97,6 +101,13 @@ def refined(
     v = v.reshape(len(v), *size_d, 3)
     v[:, :, 0] = v[:, :, 0].mean(axis=1, keepdims=True)  # theta_d = 0 has no azimuth
     return u, v.reshape(len(v), -1, 3)
+
+
+def level_at_pole(count: int) -> sparse.csr_matrix:
+    """``bends`` along theta_h, and a strong hold on the first step: a highlight is even about theta_h = 0, where
+    hardly a goniometer has samples."""
+    first = sparse.csr_matrix(([-POLE, POLE], ([0, 0], [0, 1])), (1, count))
+    return sparse.vstack([first, bends(count)]).tocsr()
 
 
 def _spread(nodes: Weighted, count: int, size: int) -> sparse.csr_matrix:
@@ -119,7 +130,7 @@ def on_nodes(
     smooth = sparse.vstack(
         [
             along(0, sizes, bends(sizes[0], periodic=True)),
-            along(1, sizes, bends(sizes[1])),
+            along(1, sizes, level_at_pole(sizes[1])),
             along(2, sizes, steps(sizes[2], periodic=True)),
             along(3, sizes, bends(sizes[3])),
         ]
