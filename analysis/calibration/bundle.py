@@ -10,6 +10,7 @@ Triggs and others: Bundle adjustment, a modern synthesis. 1999.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -29,7 +30,12 @@ class Bundle:
     observations: Observations
     model: FitModel
 
-    @property
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(N, 3) m, of the board."""
+        return self.observations.board.points
+
+    @cached_property
     def intrinsics(self) -> int:
         return len(self.model.names)
 
@@ -97,7 +103,7 @@ class Bundle:
 
     def of_view(self, theta: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Residuals (n, 2) seen minus projected, Jacobian (2n, k) of the projection, and its columns' places in θ."""
-        points = self.observations.board.points[view.ids]
+        points = self.points[view.ids]
         r, t, chain = self.composed(theta, view.camera, view.moment)
         q, lens, place = self.project(theta, view.camera, points, r, t)
         by_pose = place.reshape(-1, 6) @ chain

@@ -135,16 +135,16 @@ class Calibration:
 
 def calibrate(observations: Observations, model: FitModel, start: np.ndarray | None = None) -> Calibration:
     """Fit ``model`` to what was seen. ``start``: θ to begin from, for a part of images that are calibrated already."""
-    if start is None:
-        bundle, theta = rig(observations, model)
-    else:
-        bundle, theta = Bundle(observations, model), start
+    bundle = Bundle(observations, model)
     equations = 2 * sum(len(v.ids) for v in observations.views)
     if equations < 1.5 * bundle.size:
         raise BrightfieldError(
             f"The points must be more than what is to be found; {equations // 2} points in "
             f"{len(observations.views)} images are too few for {bundle.size} parameters."
         )
+    theta = start
+    if theta is None:
+        bundle, theta = rig(observations, model)
     seen = [v.pixels for v in observations.views]
     for _ in range(3 if observations.board.radius else 1):
         if observations.board.radius:

@@ -52,7 +52,10 @@ def _focal_lengths(observations: Observations, model: FitModel) -> list[float]:
     points = [observations.board.points[v.ids].astype(np.float32) for v in observations.views]
     pixels = [v.pixels.astype(np.float32) for v in observations.views]
     found = [share * side for share in shares]
-    K = cv2.initCameraMatrix2D(points, pixels, (width, height), 1.0)
+    try:
+        K = cv2.initCameraMatrix2D(points, pixels, (width, height), 1.0)
+    except cv2.error:  # a view that gives no homography; the other guesses stand
+        return found
     if np.isfinite(K).all() and 0.05 * side < K[0, 0] < 100 * side:
         found.insert(0, float(K[0, 0]))
     return found

@@ -60,7 +60,8 @@ def projection_uncertainty(
     seen = np.isfinite(ray).all(axis=-1)
     G = gradient(calibration, c, np.where(seen[:, None], ray, [0, 0, 1.0]), distance)
     sigma = np.where(np.isfinite(calibration.covariance), calibration.covariance, 0.0)
-    covariance = np.einsum("nip,pq,njq->nij", G, sigma, G, optimize=True)
+    half = (G.reshape(-1, G.shape[-1]) @ sigma).reshape(G.shape)
+    covariance = np.einsum("nip,njp->nij", half, G)
     covariance[~seen] = np.nan
     return Field(pixels, covariance.reshape(*pixels.shape[:-1], 2, 2), float(distance))
 

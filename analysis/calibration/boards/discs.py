@@ -2,8 +2,9 @@
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
-from analysis.calibration.boards.base import Detection, spacing
+from analysis.calibration.boards.base import Detection
 
 
 def found(image: np.ndarray, shape: tuple[int, int], kind: int) -> Detection | None:
@@ -23,19 +24,26 @@ def found(image: np.ndarray, shape: tuple[int, int], kind: int) -> Detection | N
 
 
 def centroids(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Centroids (n, 2) of the darkness around rough ones: finer than those of thresholded blobs."""
-    reach = spacing(pixels) / 2
+    """Centroids (n, 2) of the darkness around rough ones: finer than those of thresholded blobs.
+
+    The window reaches half way to the next disc and is centred anew, so that what is left of the paper in it has no
+    side. All grey counts: to leave out what is nearly white takes up to 0.03 px from small discs.
+    """
+    to_next, _ = cKDTree(pixels).query(pixels, k=2)
     moved = pixels.copy()
-    for k, (x, y) in enumerate(pixels):
-        low = np.maximum(np.floor([x - reach, y - reach]).astype(int), 0)
-        high = np.minimum(np.ceil([x + reach, y + reach]).astype(int) + 1, image.shape[::-1])
-        part = image[low[1] : high[1], low[0] : high[0]].astype(np.float64)
-        column, row = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
-        near = np.hypot(column - x, row - y) <= reach
-        white, black = np.percentile(part[near], [95, 5])
-        dark = np.clip((white - part) / max(white - black, 1e-9), 0, 1) * near
-        dark[dark < 0.1] = 0  # noise of the white paper pulls to the middle of the window
-        moved[k] = (dark * column).sum() / dark.sum(), (dark * row).sum() / dark.sum()
+    for k, reach in enumerate(to_next[:, 1] / 2):
+        x, y = pixels[k]
+        for _ in range(2):
+            low = np.maximum(np.floor([x - reach, y - reach]).astype(int), 0)
+            high = np.minimum(np.ceil([x + reach, y + reach]).astype(int) + 1, image.shape[::-1])
+            part = image[low[1] : high[1], low[0] : high[0]].astype(np.float64)
+            column, row = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+            near = np.hypot(column - x, row - y) <= reach
+            dark = np.maximum(np.percentile(part[near], 90) - part, 0) * near
+            if not dark.any():
+                break
+            x, y = (dark * column).sum() / dark.sum(), (dark * row).sum() / dark.sum()
+        moved[k] = x, y
     return moved
 
 
