@@ -13,8 +13,8 @@ EMVA Standard 1288, Release 4.0 Linear, 2021.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from interchange.bands import each_band
@@ -26,7 +26,13 @@ from interchange.sensor import Mosaic, Sensor
 
 PLANCK, LIGHT = 6.62607015e-34, 299792458.0  # J s, m/s: exact by the SI
 
-Step = tuple[bool, Callable[[Image, np.random.Generator | None], Image]]  # pointwise, and what is done
+Function = Callable[[Image, np.random.Generator | None], Image]
+
+
+class Step(NamedTuple):
+    name: str
+    pointwise: bool
+    function: Function
 
 
 def expose(
@@ -67,17 +73,17 @@ def expose(
         )
     if not camera.t_exp >= 0:
         raise BrightfieldError(f"An exposure time must not be negative; got {camera.t_exp:g} s.")
-    steps = _steps(camera, through, until)
+    steps = steps_of(camera, through, until)
     out = Image(
         pixels=np.ascontiguousarray(image.pixels, np.float32),
         quantity=Quantity.RADIANCE,
         camera=image.camera,
         passes=image.passes,
     )
-    for pointwise, run in groupby(steps, key=lambda s: s[0]):
-        functions = [function for _, function in run]
+    for pointwise, run in groupby(steps, key=lambda s: s.pointwise):
+        functions = [step.function for step in run]
         if pointwise:
-            out = replace(out, pixels=_in_bands(out, functions, rng))
+            out = replace(out, pixels=in_bands(out, functions, rng))
         else:
             for function in functions:
                 out = function(out, rng)
@@ -105,7 +111,8 @@ def responsivity(lens: Lens, sensor: Sensor, where: str = "") -> tuple[float, fl
     return tuple(n * eta * x for n, eta, x in zip(photons, sensor.quantum_efficiency, s, strict=True))  # type: ignore[return-value]
 
 
-def _steps(camera: Camera, through: Sequence[Effect], until: Quantity) -> list[Step]:
+def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list[Step]:
+    """What is done to radiance one after the other: the effects ``through``, and the conversions between stages."""
     lens, sensor = camera.lens, camera.sensor
     stages = {stage: [e for e in through if e.stage is stage] for stage in Stage}
     optics = stages[Stage.OPTICS]
@@ -118,48 +125,55 @@ def _steps(camera: Camera, through: Sequence[Effect], until: Quantity) -> list[S
     early = mono and alike and until is not Quantity.IRRADIANCE and all(e.achromatic for e in optics)
 
     def light(image: Image, rng: np.random.Generator | None) -> Image:
-        L = _mean(image.pixels) if early else image.pixels
-        return replace(image, pixels=L * np.float32(solid_angle), quantity=Quantity.IRRADIANCE)
+        L = image.pixels
+        E = (
+            _weighted(L, np.full(3, solid_angle / 3))
+            if early and L.shape[2] == 3
+            else L * np.float32(solid_angle)
+        )
+        return replace(image, pixels=E, quantity=Quantity.IRRADIANCE)
 
     def charge(image: Image, rng: np.random.Generator | None) -> Image:
         E = image.pixels
-        factor = electrons if E.shape[2] == 3 else electrons.mean(keepdims=True)
-        e = E * factor
-        return replace(image, pixels=_mean(e) if mono else e, quantity=Quantity.ELECTRONS)
+        if E.shape[2] == 1:
+            e = E * electrons.mean()
+        elif mono:
+            e = _weighted(E, electrons / 3)
+        else:
+            h, w, _ = E.shape
+            e = (E.reshape(h, -1) * np.tile(electrons, w)).reshape(E.shape)  # long rows, not threes
+        return replace(image, pixels=e, quantity=Quantity.ELECTRONS)
 
     def convert(image: Image, rng: np.random.Generator | None) -> Image:
         return replace(image, pixels=image.pixels * np.float32(sensor.K), quantity=Quantity.DN)
 
-    steps: list[Step] = [(True, light), *map(_step, optics, [camera] * len(optics))]
+    steps = [Step("irradiance", True, light), *(_step(e, camera) for e in optics)]
     if until is Quantity.IRRADIANCE:
         return steps
-    steps += [(True, charge), *(_step(e, camera) for e in stages[Stage.SENSOR])]
+    steps += [Step("electrons", True, charge), *(_step(e, camera) for e in stages[Stage.SENSOR])]
     if until is Quantity.ELECTRONS:
         return steps
-    steps += [(True, convert), *(_step(e, camera) for e in stages[Stage.READOUT])]
+    steps += [Step("gain", True, convert), *(_step(e, camera) for e in stages[Stage.READOUT])]
 
     def whole(image: Image, rng: np.random.Generator | None) -> Image:
         pixels = np.rint(image.pixels)
         return replace(image, pixels=np.clip(pixels, 0, 2**sensor.bits_out - 1, out=pixels))
 
-    exact = ("quantization", "response_curve", "jpeg")
-    return steps if through and through[-1].name() in exact else [*steps, (True, whole)]
+    exact = ("quantization", "demosaic", "response_curve", "jpeg")
+    return steps if through and through[-1].name() in exact else [*steps, Step("rounding", True, whole)]
 
 
 def _step(effect: Effect, camera: Camera) -> Step:
-    return effect.pointwise, lambda image, rng: effect.apply(image, camera, rng)
+    return Step(effect.name(), effect.pointwise, lambda image, rng: effect.apply(image, camera, rng))
 
 
-def _mean(pixels: np.ndarray) -> np.ndarray:
-    """Of three channels, (H, W, 1). By OpenCV: NumPy's own walks over interleaved channels one by one."""
-    if pixels.shape[2] == 1:
-        return pixels
-    return cv2.transform(pixels, np.full((1, 3), 1 / 3, np.float32))[..., None]
+def _weighted(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    from interchange import kernels  # Numba comes with it
+
+    return kernels.weighted_sum(np.ascontiguousarray(pixels), weights.astype(np.float32))
 
 
-def _in_bands(
-    image: Image, functions: Sequence[Callable[..., Image]], rng: np.random.Generator | None
-) -> np.ndarray:
+def in_bands(image: Image, functions: Sequence[Function], rng: np.random.Generator | None) -> np.ndarray:
     """The functions one after the other on bands of rows, each with its own stream of random numbers."""
     height, width, channels = image.pixels.shape
     seed = rng.integers(0, 1 << 32, 4).tolist() if rng is not None else []

@@ -38,6 +38,8 @@ class ColorCorrection(Effect):
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         if image.pixels.shape[2] != 3:
             return image
+        from interchange import kernels  # Numba comes with it
+
         matrix = np.array([self.red, self.green, self.blue], np.float32)
-        black = np.float32(camera.sensor.black_level)
-        return replace(image, pixels=(image.pixels - black) @ matrix.T + black)
+        offset = camera.sensor.black_level * (1 - matrix.sum(axis=1))
+        return replace(image, pixels=kernels.transformed(image.pixels, matrix, offset.astype(np.float32)))

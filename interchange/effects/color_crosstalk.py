@@ -51,4 +51,7 @@ class ColorCrosstalk(Effect):
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         if image.pixels.shape[2] != 3:
             return image
-        return replace(image, pixels=image.pixels @ self.matrix.T.astype(np.float32))
+        from interchange import kernels  # Numba comes with it
+
+        matrix = self.matrix.astype(np.float32)
+        return replace(image, pixels=kernels.transformed(image.pixels, matrix, np.zeros(3, np.float32)))

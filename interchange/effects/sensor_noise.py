@@ -41,25 +41,8 @@ class SensorNoise(Effect):
 
 def noisy(mean: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
     """One draw of electrons (any shape, float32) around ``mean`` e- with read noise of ``sigma`` e- rms."""
-    z = rng.standard_normal(mean.shape, np.float32)
-    few = mean < np.float32(EXACT_BELOW)
-    some = bool(few.any())
-    lam = np.maximum(mean, np.float32(EXACT_BELOW)) if some else mean
-    var = lam + np.float32(sigma * sigma)
-    c = lam / var
-    c *= np.float32(1 / 6)
-    out = c * c
-    out *= np.float32(-2)
-    out += var
-    np.sqrt(out, out=out)
-    out *= z
-    np.multiply(z, z, out=var)
-    var -= np.float32(1)
-    var *= c
-    out += var
-    out += mean
-    if some:
-        lam = np.maximum(mean[few], 0)
-        photons = rng.poisson(lam) if lam.max() > 0 else 0.0
-        out[few] = photons + (mean[few] - lam) + np.float32(sigma) * z[few]
-    return out
+    from interchange import kernels  # Numba comes with it
+
+    flat = np.ascontiguousarray(mean, np.float32).reshape(-1)
+    seed = np.uint64(rng.integers(0, 1 << 64, dtype=np.uint64))
+    return kernels.noisy(flat, sigma, EXACT_BELOW, seed, kernels.EDGES).reshape(mean.shape)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from interchange.bands import each_band
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.filtering import BORDER
@@ -34,15 +35,29 @@ class VeilingGlare(Effect):
     )
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
-        E = image.pixels
+        E = np.ascontiguousarray(image.pixels)
         if not self.radius:
-            veil = np.array(cv2.mean(np.ascontiguousarray(E))[: E.shape[2]], np.float32)
-            return replace(image, pixels=E * np.float32(1 - self.g) + np.float32(self.g) * veil)
+            mean = np.array(cv2.mean(E)[: E.shape[2]], np.float32)
+            return replace(image, pixels=_mixed(E, np.tile(mean, E.shape[1])[None], self.g))
         h, w = E.shape[:2]
         sigma = self.radius * np.hypot(h, w)
         step = max(1.0, sigma / COARSE)
         small = (max(1, round(w / step)), max(1, round(h / step)))
         coarse = cv2.resize(E, small, interpolation=cv2.INTER_AREA)
         coarse = cv2.GaussianBlur(coarse, (0, 0), sigma * small[0] / w, borderType=BORDER)
-        spread = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR).reshape(E.shape)
-        return replace(image, pixels=E * np.float32(1 - self.g) + np.float32(self.g) * spread)
+        spread = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, -1)
+        return replace(image, pixels=_mixed(E, spread, self.g))
+
+
+def _mixed(E: np.ndarray, veil: np.ndarray, g: float) -> np.ndarray:
+    """(1 - g) E + g veil; ``veil`` (H, W C), or (1, W C) for all rows."""
+    out = np.empty_like(E)
+    rows, into = E.reshape(len(E), -1), out.reshape(len(E), -1)
+
+    def work(start: int, stop: int) -> None:
+        part = into[start:stop]
+        np.multiply(rows[start:stop], np.float32(1 - g), out=part)
+        part += np.float32(g) * (veil if len(veil) == 1 else veil[start:stop])
+
+    each_band(work, len(E), rows.shape[1])
+    return out

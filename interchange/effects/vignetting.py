@@ -30,7 +30,11 @@ class Vignetting(Effect):
         K = camera.K
         gain = _gain(self.a2, self.a4, camera.sensor.resolution, (K[0, 2], K[1, 2]))
         rows = gain[image.first_row : image.first_row + len(image.pixels)]
-        return replace(image, pixels=image.pixels * rows[..., None])
+        if image.pixels.shape[2] != 3:
+            return replace(image, pixels=image.pixels * rows[..., None])
+        from interchange import kernels  # Numba comes with it
+
+        return replace(image, pixels=kernels.times_field(np.ascontiguousarray(image.pixels), rows))
 
     @classmethod
     def natural(cls, camera: Camera) -> "Vignetting":

@@ -32,7 +32,10 @@ class WhiteBalance(Effect):
         black = np.float32(camera.sensor.black_level)
         gains = (self.red, self.green, self.blue)
         if y.shape[2] == 3:
-            out = (y - black) * np.array(gains, np.float32) + black
+            from interchange import kernels  # Numba comes with it
+
+            gain = np.array(gains, np.float32)
+            out = kernels.transformed(y, np.diag(gain), black * (1 - gain))
         elif pattern.is_bayer:
             gain = np.empty((2, y.shape[1]), np.float32)
             for i, j, channel in phases(pattern, image.first_row):

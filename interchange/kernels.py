@@ -1,0 +1,140 @@
+"""The loops over pixels that NumPy does slowly: channels that lie interleaved, and random numbers.
+
+Compiled by Numba on first use and kept on disk. They work on bands of rows and let other threads run.
+"""
+
+import numba
+import numpy as np
+from scipy.special import ndtri
+
+CELLS = 4096  # equally likely parts of the normal distribution
+# the bounds of those parts; the first and the last reach to infinity and are drawn otherwise
+EDGES = ndtri(np.arange(CELLS + 1) / CELLS).astype(np.float32)
+TAIL = float(EDGES[-2])
+
+compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+
+
+@compiled
+def weighted_sum(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(r, w, 3) times (3,) -> (r, w, 1) float32."""
+    out = np.empty((pixels.shape[0], pixels.shape[1], 1), np.float32)
+    a, b, c = weights[0], weights[1], weights[2]
+    for i in range(pixels.shape[0]):
+        for j in range(pixels.shape[1]):
+            out[i, j, 0] = a * pixels[i, j, 0] + b * pixels[i, j, 1] + c * pixels[i, j, 2]
+    return out
+
+
+@compiled
+def transformed(pixels: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """(r, w, 3) -> matrix (3, 3) @ pixel + offset (3,), float32."""
+    out = np.empty_like(pixels)
+    m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
+    m20, m21, m22 = matrix[2, 0], matrix[2, 1], matrix[2, 2]
+    o0, o1, o2 = offset[0], offset[1], offset[2]
+    for i in range(pixels.shape[0]):
+        for j in range(pixels.shape[1]):
+            a, b, c = pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2]
+            out[i, j, 0] = m00 * a + m01 * b + m02 * c + o0
+            out[i, j, 1] = m10 * a + m11 * b + m12 * c + o1
+            out[i, j, 2] = m20 * a + m21 * b + m22 * c + o2
+    return out
+
+
+@compiled
+def times_field(pixels: np.ndarray, field: np.ndarray) -> np.ndarray:
+    """(r, w, 3) times (r, w), float32."""
+    out = np.empty_like(pixels)
+    for i in range(pixels.shape[0]):
+        for j in range(pixels.shape[1]):
+            f = field[i, j]
+            out[i, j, 0] = f * pixels[i, j, 0]
+            out[i, j, 1] = f * pixels[i, j, 1]
+            out[i, j, 2] = f * pixels[i, j, 2]
+    return out
+
+
+@compiled
+def _mixed(state: np.uint64) -> np.uint64:
+    """64 random bits of a counter that steps by the golden ratio: SplitMix64 (Steele, Lea, Flood 2014)."""
+    z = state
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@compiled
+def _tail(state: np.uint64) -> tuple[np.uint64, float]:
+    """A normal variable beyond ``TAIL`` (Marsaglia 1964)."""
+    while True:
+        state += np.uint64(0x9E3779B97F4A7C15)
+        bits = _mixed(state)
+        u = (float(bits >> np.uint64(32)) + 0.5) / 4294967296.0
+        v = (float(bits & np.uint64(0xFFFFFFFF)) + 0.5) / 4294967296.0
+        x = -np.log(u) / TAIL
+        if -2 * np.log(v) > x * x:
+            return state, TAIL + x
+
+
+@compiled
+def _poisson(state: np.uint64, mean: float) -> tuple[np.uint64, float]:
+    """By inversion, for small means: the number of steps is about the mean."""
+    state += np.uint64(0x9E3779B97F4A7C15)
+    u = (float(_mixed(state) >> np.uint64(11)) + 0.5) / 9007199254740992.0
+    p = np.exp(-mean)
+    total, k = p, 0.0
+    while u > total and k < 1000.0:
+        k += 1.0
+        p *= mean / k
+        total += p
+    return state, k
+
+
+@compiled
+def noisy(
+    mean: np.ndarray, sigma: float, exact_below: float, seed: np.uint64, edges: np.ndarray
+) -> np.ndarray:
+    """Electrons (n,) float32 around ``mean`` (n,): Poisson noise and ``sigma`` e- rms; sensor_noise has the formula."""
+    n = len(mean)
+    out = np.empty(n, np.float32)
+    state = np.uint64(seed)
+    size = 1024
+    z = np.empty(size, np.float32)
+    share = np.float32(1.0 / 1048576.0)
+    read = np.float32(sigma * sigma)
+    least = np.float32(exact_below)
+    for start in range(0, n, size):
+        count = min(size, n - start)
+        for k in range(0, size, 2):
+            state += np.uint64(0x9E3779B97F4A7C15)
+            bits = _mixed(state)
+            for half in range(2):
+                word = np.uint32(bits >> np.uint64(32 * half))
+                i = word >> np.uint32(20)
+                if i == 0 or i == CELLS - 1:
+                    state, far = _tail(state)
+                    z[k + half] = -far if i == 0 else far
+                else:
+                    low = edges[i]
+                    z[k + half] = low + (edges[i + 1] - low) * (np.float32(word & np.uint32(0xFFFFF)) * share)
+        few = False
+        for k in range(count):
+            m = mean[start + k]
+            lam = max(m, least)
+            few |= m < least
+            variance = lam + read
+            c = lam / variance * np.float32(1 / 6)
+            x = z[k]
+            out[start + k] = m + np.sqrt(variance - np.float32(2) * c * c) * x + c * (x * x - np.float32(1))
+        if few:
+            for k in range(count):
+                m = mean[start + k]
+                if m < least:
+                    photons = np.float32(0)
+                    if m > 0:
+                        state, drawn = _poisson(state, m)
+                        photons = np.float32(drawn) - m
+                    out[start + k] = m + photons + np.float32(sigma) * z[k]
+    return out
