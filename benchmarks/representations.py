@@ -29,24 +29,25 @@ Project = Callable[[ReflectanceSamples], Projection]
 HEAD = """# Representations of measured BRDFs: numbers stored, and what is left over
 
 Made by `{command}` over
-{count} files of Cornell's goniometer ({samples} samples each, BSD-2-Clause, from pbrt-v2), in three bands (600 to 700, 500 to
-600, 400 to 500 nm).
+{count} files of Cornell's goniometer ({samples} samples each, BSD-2-Clause, from pbrt-v2), in three
+bands (600 to 700, 500 to 600, 400 to 500 nm).
 
 Numbers: stored a channel. Residual: rms of (model less data) cos theta_i over rms of data cos theta_i, mean of the
 channels; the projections weigh alike. Held out: the same over samples that the projection did not see, five parts left
 out in turn, drawn at random (one seed). To {limit}°: both directions at most so far from the normal, projections and
 residuals over these alone. Seconds: one projection of all three channels on one core, all angles.
 
-- These paints are a matte floor and a highlight that at 80° reaches a thousand times the floor: a few samples are most
-  of the energy. Whether it was among the samples seen decides the third column; nothing here foretells it.
+- These paints are a matte floor and a highlight that at 80° reaches up to a thousand times the floor. A few samples are
+  most of the energy, and "held out" over all angles is mostly whether they were among those seen.
 - Expansions over both hemispheres (harmonics, Zernike) follow a highlight slowly, ring below it and are cut off at 0
   (the black fields in the picture). They are for matte and velvety surfaces.
 - Wavelets take on any sample that they are given and guess badly between incidences: a highlight moves with the light,
   and they blend it in place. Few of them ring.
-- Half vector and difference hold the highlight still: two products of 28 numbers each leave least, seen and unseen. The
-  dip in the middle of its highlight is what fitting the peak at 80° costs at 40°.
-- acryl_blue's highlight is narrower than its samples are apart: no representation predicts those left out.
-- A mixture of the other two paints is three numbers, and right where those paints are alike.
+- Half vector and difference hold the highlight still: one or two products of 28 numbers each foretell unseen samples
+  to 65° best. The dip in the middle of the pictured highlight is what fitting the peak at 80° costs at 40°.
+- acryl_blue's highlight is narrower than its samples are apart: no representation foretells those left out.
+- A mixture of the other two paints is three numbers, and over all angles best at the unseen samples of garnet_red and
+  krylon_blue: the other paints have shown it what grazing peaks look like.
 
 ![garnet_red as spheres: harmonics of degree 4 and 12, Zernike of order 8 and 16; normalised decomposition, separable of
 rank 2, wavelets 100 and 1000](representations.png)
