@@ -40,7 +40,7 @@ from interchange.parameter import Kind, parameter
 class He(Brdf):
     source = (
         "He, Torrance, Sillion, Greenberg: A comprehensive physical model for light reflection. SIGGRAPH 1991, "
-        "with the errata of Holzschuch and Pacanowski, 2015."
+        "with the errata of Pacanowski and Holzschuch."
     )
     conserves_energy = False  # the diffuse part is free
 

@@ -1,7 +1,7 @@
 """Poulin and Fournier's brushed surface: parallel cylinders side by side, along the tangent, on a flat floor.
 
     f = 1/s { 1 / (wi.z wo.z)  integral over phi of f_m(n) (n.wi) (n.wo)  +  f_m(z) l }
-    f_m(n) = rho_d / pi + k_s C (n.h)^m,    C = (m + 2) (m + 4) / (8 pi (2^(-m/2) + m))
+    f_m(n) = k_d / pi + k_s C (n.h)^m,    C = (m + 2) (m + 4) / (8 pi (2^(-m/2) + m)),    m the exponent
     n(phi) = (0, sin phi, cos phi)
 
 Lengths are in radii of a cylinder. The floor lies ``h`` above the axes, with a gap ``d`` between neighbours, so that
@@ -11,12 +11,12 @@ sin|phi - theta| <= s cos theta - 1 towards the side of the direction, at theta 
 l is the width of the floor that is lit and seen. Each cylinder is one curved mirror: the highlight is a streak across
 the tangent.
 
-The matte part of the integral is in closed form; of the glossy part, the azimuthal integral of cos^m(phi - phi_h) times
-the cosines, the source's tables of Chebyshev polynomials are replaced by 16 Gauss-Legendre nodes over five widths of
-the lobe, cut to the interval. The source gives intensities of Lambert's and Blinn's rules on the cylinder; here its
-surface has a reciprocal BRDF, C (n.h)^m with albedo 1 head-on. Grooves (cylinders cut out of the floor) are left out.
+The matte part of the integral is in closed form; the glossy one, of cos^m(phi - phi_h) times both cosines, is taken
+by 16 Gauss-Legendre nodes over five widths of the lobe, cut to the interval. The source gives intensities of Lambert's
+and Blinn's rules on the cylinder; here its surface has a reciprocal BRDF, C (n.h)^m with albedo 1 head-on. Grooves
+(cylinders cut out of the floor) are left out.
 
-Reciprocal; rho_d + k_s may exceed 1. Light goes from the lamp over one reflection to the eye: what a cylinder throws
+Reciprocal; k_d + k_s may exceed 1, each part alone keeps energy. Light goes from the lamp over one reflection to the eye: what a cylinder throws
 onto its neighbour is lost.
 """
 
