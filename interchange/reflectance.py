@@ -163,8 +163,8 @@ class ReflectanceSamples:
             weights = np.eye(3) if k == 3 else np.ones((1, 3))
         else:
             weights = np.stack([self._band(low, high) for low, high in edges], axis=1)
-        sigma = None if self.sigma is None else np.sqrt(self.sigma**2 @ weights**2)
-        return replace(self, f=self.f @ weights, sigma=sigma, channels=names, wavelength_nm=None)
+        sigma = None if self.sigma is None else np.sqrt(_mixed(self.sigma**2, weights**2))
+        return replace(self, f=_mixed(self.f, weights), sigma=sigma, channels=names, wavelength_nm=None)
 
     def _band(self, low: float, high: float) -> np.ndarray:
         """Weights (K,) of the wavelengths in the mean of a piecewise linear spectrum over [low, high]."""
@@ -180,6 +180,11 @@ class ReflectanceSamples:
         knots = np.unique(np.concatenate([[a, b], nm[(nm > a) & (nm < b)]]))
         at = np.stack([np.interp(knots, nm, row) for row in np.eye(len(nm))], axis=1)  # (knots, K)
         return np.asarray(np.diff(knots) @ (at[1:] + at[:-1]) / 2 / (b - a))
+
+
+def _mixed(f: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """``f @ weights``, where a NaN touches no band that it has no part in."""
+    return np.stack([f[:, w != 0] @ w[w != 0] for w in weights.T], axis=1)
 
 
 def _names(count: int, nm: np.ndarray | None) -> tuple[str, ...]:

@@ -303,7 +303,7 @@ def _by_wavelength(found: Measurement) -> Measurement:
         m = NM.search(c.name)
         bare = bool(m and m[2]) or bool(m and re.fullmatch(r"\d{3,4}(\.\d+)?", c.name.strip()))
         nm.append(float(m[1]) * (1 if (m[2] or "nm").lower() == "nm" else 1000) if m and bare else np.nan)
-    names = [c.name.lower().split()[-1].split("_")[-1] for c in found.values]
+    names = [(c.name.lower().split() or [""])[-1].split("_")[-1] for c in found.values]
     if np.isfinite(nm).all():
         order = list(np.argsort(nm))
         wavelengths: np.ndarray | None = np.array(nm)[order]

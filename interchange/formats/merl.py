@@ -19,6 +19,7 @@ from interchange.table import Table
 
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
 MAX_BINS = (1 << 24) - 1
+LARGEST = 1e30
 
 
 class Merl(Format):
@@ -51,8 +52,9 @@ def read(path: Path | str) -> Measurement:
         message = f"{got} bins of three channels must take {expected} bytes; there are {len(data)}."
         raise FileError(Problem(message, where))
     stored = np.frombuffer(data, "<f8", offset=12).reshape(3, bins).T
-    finite = np.isfinite(stored).all(axis=1)
-    f = np.where(np.isfinite(stored), stored, -1.0) * SCALE
+    sane = np.abs(stored) < LARGEST  # neither infinite nor beyond single precision
+    finite = sane.all(axis=1)
+    f = np.where(sane, stored, -1.0) * SCALE
     use = finite & (f >= 0).all(axis=1)
     if not use.any():
         raise FileError(Problem("One bin at least must have been seen; every number is below zero.", where))

@@ -12,11 +12,12 @@ from interchange.brdf.rgl import Rgl, sums
 from interchange.formats.base import Format, Options
 from interchange.formats.tensor_file import MAGIC, read_tensors
 from interchange.measurement import Column, Kind, Measurement, unit_vectors
-from interchange.problems import FileError, Problem, Severity, Where
+from interchange.problems import BrightfieldError, FileError, Problem, Severity, Where
 from interchange.reflectance import ReflectanceSamples
 
 NAMES = ("phi_i", "theta_i", "ndf", "sigma", "vndf", "jacobian")
 MAX_READINGS = 1 << 23
+LARGEST = 1e30
 
 
 class RglFormat(Format):
@@ -33,7 +34,7 @@ class RglFormat(Format):
 
 def read(path: Path | str) -> Measurement:
     """Every number of the table with the directions that it stands for; ``model`` is the table itself, its spectra
-    averaged over the bands of ``ReflectanceSamples.bands``. Raises FileError."""
+    averaged over the bands of ``ReflectanceSamples.bands``, or None where they hold no wavelength. Raises FileError."""
     path = Path(path)
     where = Where(str(path))
     fields = read_tensors(path)
@@ -43,20 +44,21 @@ def read(path: Path | str) -> Measurement:
     wi, wo, f = data_points(phi_i, theta_i, ndf, sigma, vndf, spectra, jacobian)
     use = np.isfinite(f).all(axis=1) & (wo[:, 2] > 1e-3) & (wi[:, 2] > 1e-3)
     channels = tuple(f"{w:g} nm" for w in nm) if nm is not None else ("R", "G", "B")
-    cells = np.moveaxis(spectra, 2, -1)
-    bands = ReflectanceSamples(
-        wi, wo, cells.reshape(-1, cells.shape[-1]), wavelength_nm=nm, file=str(path)
-    ).bands()
-    three = bands.f.reshape(*cells.shape[:-1], 3)
-    low = int((three < 0).any(axis=-1).sum())
-    said = [
-        (low, f"{low} of {three.size // 3} cells are negative; they are kept, and 0 in the model"),
-        (
-            1,
-            f"Nothing was measured beyond {np.degrees(theta_i[-1]):.3g}° of incidence; the model holds what is there",
-        ),
-    ]
-    model = Rgl.of(theta_i, phi_i, ndf, sigma, vndf, np.maximum(three, 0.0), jacobian)
+    model, said = None, []
+    try:
+        three = _bands(spectra, nm, str(path))
+    except BrightfieldError as error:
+        said.append((1, f"There is no model of it in three channels: {str(error).rstrip('.')}"))
+    else:
+        low, lost = (int(bad.any(axis=-1).sum()) for bad in (three < 0, ~(np.abs(three) < LARGEST)))
+        said.append(
+            (low, f"{low} of {three.size // 3} cells are negative; they are kept, and 0 in the model")
+        )
+        said.append((lost, f"{lost} cells hold no finite number; they are left out, and 0 in the model"))
+        held = np.where(np.abs(three) < LARGEST, np.maximum(three, 0.0), 0.0)
+        reach = f"{np.degrees(theta_i[-1]):.3g}° of incidence"
+        said.append((1, f"Nothing was measured beyond {reach}; the model holds what is there"))
+        model = Rgl.of(theta_i, phi_i, ndf, sigma, vndf, held, jacobian)
     return Measurement(
         Kind.BRDF,
         tuple(
@@ -73,6 +75,15 @@ def read(path: Path | str) -> Measurement:
         use=use,
         model=model,
     )
+
+
+def _bands(spectra: np.ndarray, nm: np.ndarray | None, file: str) -> np.ndarray:
+    """(P, T, n, n, 3) means over the bands of red, green and blue."""
+    cells = np.moveaxis(spectra, 2, -1)
+    flat = cells.reshape(-1, cells.shape[-1])
+    anywhere = np.broadcast_to([0.0, 0.0, 1.0], (len(flat), 3))
+    bands = ReflectanceSamples(anywhere, anywhere, flat, wavelength_nm=nm, file=file).bands()
+    return np.asarray(bands.f.reshape(*cells.shape[:-1], 3))
 
 
 def _spectra(fields: dict[str, np.ndarray], where: Where) -> tuple[np.ndarray, np.ndarray | None]:
@@ -111,7 +122,8 @@ def _spectra(fields: dict[str, np.ndarray], where: Where) -> tuple[np.ndarray, n
             raise FileError(Problem(f"{name} must increase.", where))
     if nm is not None and not ((np.diff(nm) > 0).all() and nm[0] > 0):
         raise FileError(Problem("wavelengths must be positive and increase.", where))
-    return np.asarray(spectra, np.float64), nm
+    with np.errstate(invalid="ignore"):  # NaN stays NaN
+        return np.asarray(spectra, np.float64), nm
 
 
 def _description(fields: dict[str, np.ndarray]) -> tuple[str, ...]:

@@ -44,8 +44,8 @@ def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
             at += 13 + length
             shape = struct.unpack_from(f"<{dimensions}Q", data, at)
             at += 8 * dimensions
-            if not 1 <= kind <= len(TYPES) or dimensions > 16:
-                raise error(f'The field "{name}" has a type that is not known.')
+            if not 1 <= kind <= len(TYPES) or dimensions > 16 or max(shape, default=0) > len(data):
+                raise error(f'The field "{name}" has a type or a shape that cannot be.')
             dtype = np.dtype("<" + TYPES[kind - 1])
             size = dtype.itemsize
             for n in shape:
@@ -55,7 +55,7 @@ def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
                     f'The field "{name}" must take {size} bytes from {offset}; the file has {len(data)}.'
                 )
             fields[name] = np.frombuffer(data, dtype, size // dtype.itemsize, offset).reshape(shape)
-    except (struct.error, UnicodeDecodeError):
+    except (struct.error, ValueError):  # UnicodeDecodeError is one
         raise error("The file is cut short or damaged.") from None
     return fields
 

@@ -49,7 +49,7 @@ def measurement_of(picture: np.ndarray, file: str = "") -> Measurement:
     if picture.shape != (SIDE, SIDE, 3):
         raise FileError(Problem(f"The picture must be {SIDE} x {SIDE} x 3; got {picture.shape}.", where))
     f = np.asarray(picture, np.float64).reshape(-1, 3)
-    use = np.isfinite(f).all(axis=1)
+    use = (np.abs(f) < 1e30).all(axis=1)  # neither infinite nor beyond single precision
     if not use.any():
         raise FileError(Problem("The file must hold numbers; none of them is finite.", where))
     angles = (a.ravel() for a in np.meshgrid(THETA, PHI, THETA, PHI, indexing="ij"))

@@ -52,6 +52,8 @@ def test_bands_are_means_of_the_spectrum() -> None:
     assert s.bands().channels == ("R", "G", "B")
     one = s.bands(edges=((495.0, 515.0),), names=("green",))
     assert one.f[0, 0] == pytest.approx(0.705)
+    broken = replace(s, f=np.where(nm == 700, np.nan, s.f))
+    assert np.isfinite(broken.bands().f).tolist() == [[False, True, True]] * 2
     with pytest.raises(BrightfieldError, match="900 to 950 nm must overlap the measured 400 to 700 nm"):
         s.bands(edges=((900.0, 950.0),), names=("x",))
 

@@ -173,6 +173,25 @@ def test_spectra_become_three_bands(tmp_path: Path) -> None:
     assert directions(found)[0][0] == pytest.approx([0, 0, 1])
 
 
+def test_cells_that_are_no_numbers_and_bands_that_were_not_measured(tmp_path: Path) -> None:
+    fields = arrays([0.0])
+    fields["rgb"] = fields["rgb"].copy()
+    fields["rgb"][0, 1, 0, 2, 2], fields["rgb"][0, 1, 0, 2, 3] = np.nan, -1
+    write_tensors(tmp_path / "a.bsdf", fields)
+    found = open_file(tmp_path / "a.bsdf")
+    said = "\n".join(map(str, found.notes))
+    assert "1 of 144 cells are negative" in said
+    assert "1 cells hold no finite number" in said
+    assert (found.model.values.values[36 + 14] == [0, *fields["rgb"][0, 1, 1:, 2, 2]]).all()
+    del fields["rgb"]
+    fields |= {"wavelengths": np.array([900], np.float32), "spectra": np.ones((1, 4, 1, 6, 6), np.float32)}
+    write_tensors(tmp_path / "a.bsdf", fields)
+    near_infrared = open_file(tmp_path / "a.bsdf")
+    assert near_infrared.model is None
+    assert near_infrared.rows == 144
+    assert "no model" in str(near_infrared.notes[0])
+
+
 def changed(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
     return {**arrays([0.0]), name: value}
 
@@ -209,5 +228,5 @@ def test_damaged_tensor_files(tmp_path: Path) -> None:
         open_file(file)
     at = whole.index(b"phi_i") + 5 + 3
     file.write_bytes(whole[: at + 8] + struct.pack("<Q", 1 << 62) + whole[at + 16 :])
-    with pytest.raises(FileError, match='"phi_i" must take'):
+    with pytest.raises(FileError, match='"phi_i" has a type or a shape'):
         open_file(file)
