@@ -16,8 +16,8 @@ by 16 Gauss-Legendre nodes over five widths of the lobe, cut to the interval. Th
 and Blinn's rules on the cylinder; here its surface has a reciprocal BRDF, C (n.h)^m with albedo 1 head-on. Grooves
 (cylinders cut out of the floor) are left out.
 
-Reciprocal; k_d + k_s may exceed 1, each part alone keeps energy. Light goes from the lamp over one reflection to the eye: what a cylinder throws
-onto its neighbour is lost.
+Reciprocal; k_d + k_s may exceed 1, each part alone keeps energy. Light is reflected once: what a cylinder throws onto
+its neighbour is lost.
 """
 
 from dataclasses import dataclass
