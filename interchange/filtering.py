@@ -32,15 +32,27 @@ def convolve(pixels: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     if kernel.shape == (1, 1):
         return pixels * kernel[0, 0]
     terms = _separable(kernel.tobytes(), kernel.shape)
-    k = kernel.shape[0]
-    if k <= 5 or 2 * len(terms) >= k:
-        out = cv2.filter2D(pixels, -1, kernel, borderType=BORDER)
-    else:
-        column, row = terms[0]
-        out = cv2.sepFilter2D(pixels, -1, row, column, borderType=BORDER)
-        for column, row in terms[1:]:
-            cv2.add(out, cv2.sepFilter2D(pixels, -1, row, column, borderType=BORDER), dst=out)
-    return out.reshape(pixels.shape)
+    half = kernel.shape[0] // 2
+    separable = half > 2 and 2 * len(terms) < kernel.shape[0]
+    height, width, channels = pixels.shape
+    pixels = np.ascontiguousarray(pixels, np.float32)
+    out = np.empty_like(pixels)
+
+    def work(start: int, stop: int) -> None:
+        low, high = max(start - half, 0), min(stop + half, height)
+        part = pixels[low:high]
+        if separable:
+            done = cv2.sepFilter2D(part, -1, terms[0][1], terms[0][0], borderType=BORDER)
+            for column, row in terms[1:]:
+                cv2.add(done, cv2.sepFilter2D(part, -1, row, column, borderType=BORDER), dst=done)
+        else:
+            done = cv2.filter2D(part, -1, kernel, borderType=BORDER)
+        out[start:stop] = done.reshape(part.shape)[start - low : stop - low]
+
+    each_band(
+        work, height, max(1, width * channels // (1 + half))
+    )  # bands that are high beside what they overlap
+    return out
 
 
 @lru_cache(maxsize=64)
@@ -48,9 +60,15 @@ def _separable(data: bytes, shape: tuple[int, int]) -> list[tuple[np.ndarray, np
     u, s, v = np.linalg.svd(np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
     missed = np.sqrt(np.cumsum((s**2)[::-1])[::-1]) / np.linalg.norm(s)
     rank = max(1, int((missed > SEPARABLE_ERROR).sum()))
-    terms = [(u[:, i] * np.sqrt(s[i]), v[i] * np.sqrt(s[i])) for i in range(rank)]
+    # a symmetric kernel's vectors are symmetric or antisymmetric, as OpenCV's fast paths want them to the last bit
+    terms = [(_even(u[:, i]) * np.sqrt(s[i]), _even(v[i]) * np.sqrt(s[i])) for i in range(rank)]
     scale = 1 / sum(c.sum() * r.sum() for c, r in terms)  # what the rest missed of the light
     return [((c * scale).astype(np.float32), r.astype(np.float32)) for c, r in terms]
+
+
+def _even(x: np.ndarray) -> np.ndarray:
+    sign = 1 if np.dot(x, x[::-1]) > 0 else -1
+    return (x + sign * x[::-1]) / 2
 
 
 def resample(
