@@ -13,6 +13,7 @@ from interchange.material import Texture, evaluate_texture
 from realtime import sampling
 
 POWER = 1  # row of a record: rgb
+CONE = 5
 SHADOW = 7
 REFERENCE = 8
 MAPS = 9  # the first row of the shadow maps' matrices
@@ -29,6 +30,24 @@ class Sample:
     record: np.ndarray  # (MAPS, 4)
     place: np.ndarray | None
     direction: np.ndarray
+
+
+def rows(mode: str, shaped: bool, focused: bool, profiled: bool, faces: int) -> tuple[int, ...]:
+    """The rows that the shader reads of a record with ``faces`` shadow maps; those that it finds by the face left
+    out."""
+    found = {0, POWER}
+    found |= {"SPHERE": {2, 3, 4}, "PLANAR": {4}, "CYLINDER": {2}}.get(mode, set())
+    found |= {2, 3, 4} if profiled else {4} if shaped else set()
+    found |= {6} if focused else set()
+    if shaped and (profiled or focused or faces != 1):
+        found.add(CONE)
+    if faces:
+        found.add(SHADOW)
+    if faces == 1:
+        found |= {MAPS + i for i in (0, 1, 4, 5)} | ({REFERENCE} if mode == "SPHERE" else set())
+        found.add(MAPS + (2 if mode == "DIRECTION" else 3))
+        found |= set() if mode in ("POINT", "PLANAR") else {MAPS + 6}
+    return tuple(sorted(found))
 
 
 def is_extended(light: Light) -> bool:

@@ -12,7 +12,7 @@ from realtime import materials, stencil, visible_lamps
 from realtime.bodies import Bodies
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
-from realtime.lamps import MAPS, POWER, Sample, is_shaped
+from realtime.lamps import MAPS, POWER, Sample, is_shaped, rows
 from realtime.lens import Lensmap
 from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
@@ -24,6 +24,7 @@ from realtime.uploads import Uploads
 from realtime.view import View
 
 CHUNK = 4  # lamps a draw
+VECTORS = 31  # that a vertex shader may pass on
 # depth of a pixel whose samples are lit one by one: if they are of one group more than its own, else
 ALIKE, AMONG = 0.25, 0.75
 UNITS = {
@@ -128,6 +129,7 @@ class LightingStage:
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
         self._kept: Samples | None = None
+        self._vectors = min(VECTORS, int(context.info["GL_MAX_VARYING_VECTORS"]) - 1)
         self.tiles = Tiles(context, programs)
         self._tiled = False
 
@@ -345,9 +347,9 @@ class LightingStage:
         head = defines(
             {
                 f"MODE_{mode}": True,
-                "LIGHTS": count,
+                "HOLDS": True,
+                "LIGHTS": None if count else 0,
                 "ALL_LAMPS": " ".join(f"total += lamp({k}, x, values);" for k in range(count)),
-                "STRIDE": MAPS + 8 * faces,
                 "MAPS": MAPS,
                 "FACES": faces or None,
                 "SHAPED": shaped,
@@ -365,8 +367,23 @@ class LightingStage:
             }
         )
         declared = "uniform sampler2D materials;\n"
-        lights = ""
+        lights, passed = "", ""
         if count:
+            stride = MAPS + 8 * faces
+            read = rows(*signature)
+            held = min(count, (self._vectors - 4) // len(read))
+            passed = defines(
+                {
+                    "LIGHTS": count,
+                    "STRIDE": stride,
+                    "HELD": held,
+                    "ROWS": len(read),
+                    "ROW_OF_SLOT": ", ".join(map(str, read)),
+                    "SLOTS": stride,
+                    "SLOT_OF_ROW": ", ".join(str(read.index(i) if i in read else 0) for i in range(stride)),
+                }
+            )
+            head += passed
             declared += "layout(std140) uniform Lights { vec4 lights[LIGHTS * STRIDE]; };\n"
             declared += "uniform sampler2D shadow_map[LIGHTS];\n" if faces else ""
             declared += "uniform sampler2D profile[LIGHTS];\n" + text("profile.glsl") if profiled else ""
@@ -374,7 +391,12 @@ class LightingStage:
         model = "" if lit else materials.source(group)
         about = f"of material {str(group.material.where) or group.material.name}" if group.material else ""
         program = self.programs.get(
-            [text("tile_vertex.glsl" if self._tiled else "screen_vertex.glsl")],
+            [
+                "#define HOLDS\n",
+                passed,
+                text("held_vertex.glsl"),
+                text("tile_vertex.glsl" if self._tiled else "screen_vertex.glsl"),
+            ],
             [
                 head,
                 text("common.glsl"),

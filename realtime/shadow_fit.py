@@ -105,7 +105,7 @@ def place_frustum(
     ndc = p[:, :2] / p[:, 3:]
     zoom, size = _tile(ndc.min(axis=0), ndc.max(axis=0))
     slopes = np.zeros((3, 4))
-    slopes[:2, :3], slopes[2, :3] = rotation[:2] * tangent * size, place
+    slopes[:2, :3], slopes[2, :3], slopes[0, 3] = rotation[:2] * tangent * size, place, near
     return Frustum(zoom @ full, slopes, rotation[2], tangent * size)
 
 

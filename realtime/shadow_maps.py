@@ -10,7 +10,7 @@ from interchange.material import Texture
 from interchange.table import Table
 from realtime.bodies import Bodies, Group
 from realtime.context import depth_texture
-from realtime.lamps import MAPS, REFERENCE, SHADOW, Sample, shadow_place
+from realtime.lamps import CONE, MAPS, POWER, REFERENCE, SHADOW, Sample, shadow_place
 from realtime.programs import Programs, defines, put, text, texture_uniforms
 from realtime.shadow_fit import (
     FACES,
@@ -91,7 +91,8 @@ class ShadowMaps:
                 m = MAPS + 8 * i
                 record[m : m + 4] = frustum.clip_from_world
                 record[m + 4 : m + 7] = frustum.slopes
-                record[m + 4 : m + 6] *= 2 / side
+                record[m + 4 : m + 6, :3] *= 2 / side
+                record[POWER, 3], record[m + 5, 3] = sample.record[CONE, :2]
         return record.astype(np.float32)
 
     def draw(self, frusta: list[Frustum | None], side: int, sample: Sample, index: int) -> moderngl.Texture:

@@ -8,7 +8,7 @@ import moderngl
 
 from realtime.programs import Programs, put, text
 
-SIDE = 16  # px
+SIDE = 32  # px
 
 
 class Tiles:

@@ -9,7 +9,6 @@ uniform sampler2D g_coordinates;
 uniform sampler2D g_slopes;
 #endif
 #endif
-uniform mat4 world_from_eye;
 #ifdef PICK
 uniform float group;
 uniform int picks;  // 4, each of a pixel's 2 x 2 texels; not a constant, for compilers that would write the loop out
@@ -65,9 +64,10 @@ vec4 light_of(Sample s)
 #else
     vec3 ray = vec3(s.d, 1.0) / q, eye_ray = normalize(vec3(s.d, 1.0));
 #endif
-    vec3 p = (world_from_eye * vec4(ray, 1.0)).xyz;
-    vec3 view = -(mat3(world_from_eye) * eye_ray);
-    vec3 facet = mat3(world_from_eye) * facet_normal(q, slope.xy, s.d, pinhole.xy);
+    vec3 p = to_world(ray) + eye;
+    vec3 view = -to_world(eye_ray);
+    vec3 facet = facet_normal(q, slope.xy, s.d, pinhole.xy);
+    facet = to_world(facet);
     vec3 drawn = from_octahedral(met.yz), tangent, bitangent;
     vec3 normal = dot(drawn, facet) < 0.0 ? -drawn : drawn;
     // an interpolated normal may turn away from the eye at a silhouette, where the surface itself does not

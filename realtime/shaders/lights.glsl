@@ -6,7 +6,15 @@ struct Arrival {
     vec3 power;      // W/m² on a plane that faces it, before shadow
 };
 
+#if defined(HELD) && HELD > 0
+// Rows that the vertex shader read for the first HELD lamps; a software rasteriser checks the bounds of a uniform
+// block at every number that a pixel reads, which took half of the time.
+flat in vec4 held[HELD * ROWS];
+const int SLOT[SLOTS] = int[](SLOT_OF_ROW);
+#define RECORD(k, i) ((k) < HELD ? held[(k) * ROWS + SLOT[i]] : lights[(k) * STRIDE + (i)])
+#else
 #define RECORD(k, i) lights[(k) * STRIDE + (i)]
+#endif
 
 #if defined(MODE_SPHERE)
 // Directions evenly over the solid angle of the sphere: exact at any distance.
@@ -91,7 +99,11 @@ vec3 shaping(int k, vec3 l)
 {
     vec3 d = -vec3(dot(RECORD(k, 2).xyz, l), dot(RECORD(k, 3).xyz, l), dot(RECORD(k, 4).xyz, l));
     float theta = angle_of(-d.z);
+#if defined(FACES) && FACES == 1 && !defined(FOCUSED) && !defined(PROFILED)
+    float start = RECORD(k, 1).w, end = RECORD(k, MAPS + 5).w;  // a copy, where rows are read in any case
+#else
     float start = RECORD(k, 5).x, end = RECORD(k, 5).y;
+#endif
     float t = clamp((theta - start) / max(end - start, 1e-12), 0.0, 1.0);
     float cone = end > start ? 1.0 - t * t * (3.0 - 2.0 * t) : (theta <= end ? 1.0 : 0.0);
     vec3 factor = vec3(cone);
@@ -108,10 +120,17 @@ vec3 shaping(int k, vec3 l)
 }
 #endif
 
+#if defined(FACES) && FACES == 1
+#define MAP_RECORD(k, i) RECORD(k, i)
+#elif defined(FACES)
+#define MAP_RECORD(k, i) lights[(k) * STRIDE + (i)]  // which is found at run time
+#endif
+
 #ifdef FACES
 // The share of the four nearest texels that see p: each compares with the receiver's own plane at its centre,
 // so that a facet never shades itself and no depth offset parts a shadow from what casts it.
-// A map's rows: clip x, y, depth, w; right and up, scaled to a texel's slope; the lamp's place, or light's direction.
+// A map's rows: clip x, y, depth, w; right and up, scaled to a texel's slope, the first with the near plane's
+// distance; the lamp's place, or light's direction.
 float seen(int k, vec3 p, vec3 facet)
 {
 #if FACES == 6
@@ -125,17 +144,22 @@ float seen(int k, vec3 p, vec3 facet)
     int m = MAPS + 8 * face;
     vec4 setting = RECORD(k, 7);  // texels a side, their inverse, world size of a texel (at unit depth), least offset
     vec4 q = vec4(p, 1.0);
-    vec2 c = vec2(dot(RECORD(k, m), q), dot(RECORD(k, m + 1), q));
-    vec2 slope = vec2(dot(RECORD(k, m + 4).xyz, facet), dot(RECORD(k, m + 5).xyz, facet));
+    vec2 c = vec2(dot(MAP_RECORD(k, m), q), dot(MAP_RECORD(k, m + 1), q));
+    vec2 slope = vec2(dot(MAP_RECORD(k, m + 4).xyz, facet), dot(MAP_RECORD(k, m + 5).xyz, facet));
 #ifdef MODE_DIRECTION
-    float height = -dot(RECORD(k, m + 6).xyz, facet);
-    float depth = dot(RECORD(k, m + 2), q) + (0.2 * setting.z + setting.w) * RECORD(k, m + 6).w / height;
+    float height = -dot(MAP_RECORD(k, m + 6).xyz, facet);
+    float depth = dot(MAP_RECORD(k, m + 2), q) + (0.2 * setting.z + setting.w) * MAP_RECORD(k, m + 6).w / height;
     slope /= height;
     bool outside = false;
 #else
-    float w = dot(RECORD(k, m + 3), q);
-    float height = dot(RECORD(k, m + 6).xyz - p, facet);
-    float near = RECORD(k, m + 2).w / max(height - 0.2 * setting.z * w - setting.w, 0.1 * height);
+    float w = dot(MAP_RECORD(k, m + 3), q);
+#if defined(MODE_POINT) || defined(MODE_PLANAR)
+    vec3 place = RECORD(k, 0).xyz;
+#else
+    vec3 place = MAP_RECORD(k, m + 6).xyz;
+#endif
+    float height = dot(place - p, facet);
+    float near = MAP_RECORD(k, m + 4).w / max(height - 0.2 * setting.z * w - setting.w, 0.1 * height);
     float depth = near * height / w;
     slope *= near;
     c /= w;

@@ -5,7 +5,14 @@ struct Sample {
     vec2 off;     // of the ray from the texel's centre, texels
 };
 
+#ifdef HOLDS
+flat in vec4 view_rows[4];  // of world_from_eye; focal, centre
+#define pinhole view_rows[3]
+#define to_world(v) vec3(dot(view_rows[0].xyz, v), dot(view_rows[1].xyz, v), dot(view_rows[2].xyz, v))
+#define eye vec3(view_rows[0].w, view_rows[1].w, view_rows[2].w)
+#else
 uniform vec4 pinhole;  // focal, centre
+#endif
 #ifdef LENS
 uniform sampler2D lens;
 uniform vec2 jitter;    // px
