@@ -7,7 +7,8 @@ least squares with the model's own interpolation, relative to the size of each v
     min_x  |(f_0 W sinh(x) - f) / (|f| + f_0)|² + smoothness |S x|²
 
 The unknown x is the value's magnitude, so that a highlight counts as one step among many. ``S`` are second
-differences; they fill nodes that no sample touches and hardly move the others.
+differences, and a little of first ones; they fill nodes that no sample touches, within the range of the samples, and
+hardly move the others.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from analysis.projection.gridding import along, bends, smooth_fit
+from analysis.projection.gridding import along, bends, smooth_fit, steps
 from analysis.projection.residual import prepared, residual
 from interchange.brdf import Brdf
 from interchange.brdf.tabulated_goniometer import TabulatedGoniometer
@@ -26,6 +27,7 @@ from interchange.reflectance import ReflectanceSamples
 from interchange.table import Table
 
 STEPS = 5
+FLAT = 0.1  # weight of first differences: what lies far from every sample goes on level
 Grid = TabulatedIsotropic | TabulatedGoniometer
 
 
@@ -102,7 +104,10 @@ def _negatives(samples: ReflectanceSamples) -> list[tuple[str, int]]:
 
 def _beyond(samples: ReflectanceSamples, where: Where) -> Problem:
     i, o = (np.degrees(t.max()) for t in samples.theta)
-    text = f"Nothing was measured beyond {i:.3g}° of the light and {o:.3g}° of the camera; the table goes on smoothly."
+    text = (
+        f"Nothing was measured beyond {i:.3g}° of the light and {o:.3g}° of the camera; the table goes on smoothly, "
+        "within the range of the samples."
+    )
     return Problem(text, where, Severity.NOTE)
 
 
@@ -152,9 +157,10 @@ def _on_nodes(
     weights = np.concatenate([np.broadcast_to(w, count) for _, w in corners])
     place = np.tile(np.arange(count), len(corners))
     spread = sparse.csr_matrix((weights, (place, rows)), (count, len(model.values)))
-    touched = np.asarray((spread > 1e-6).sum(axis=0)).ravel() > 0
-    values = [_settled(spread, f, smooth, smoothness) for f in samples.f.T]
-    return np.stack(values, axis=1), float(1 - touched.mean())
+    touched = np.asarray(spread.sum(axis=0)).ravel() > 0.05
+    values = np.stack([_settled(spread, f, smooth, smoothness) for f in samples.f.T], axis=1)
+    guessed = np.clip(values, samples.f.min(axis=0), samples.f.max(axis=0))
+    return np.where(touched[:, None], values, guessed), float(1 - touched.mean())
 
 
 def _settled(
@@ -179,10 +185,18 @@ def _settled(
 
 def _isotropic_bends(model: TabulatedIsotropic) -> sparse.csr_matrix:
     sizes = (model.n_theta_h, model.n_theta_d, model.n_phi_d)
-    return sparse.vstack([along(axis, sizes, bends(n, axis == 2)) for axis, n in enumerate(sizes)]).tocsr()
+    return _differences(sizes, (2,))
 
 
 def _goniometer_bends(model: TabulatedGoniometer) -> sparse.csr_matrix:
     sizes = (model.n_theta_i, model.n_phi_i, model.n_theta_o, model.n_phi_o)
-    parts = [along(axis, sizes, bends(n, axis in (1, 3))) for axis, n in enumerate(sizes) if n > 2]
-    return sparse.vstack(parts).tocsr() if parts else sparse.csr_matrix((1, int(np.prod(sizes))))
+    return _differences(sizes, (1, 3))
+
+
+def _differences(sizes: tuple[int, ...], periodic: tuple[int, ...]) -> sparse.csr_matrix:
+    """Second differences along every axis, and first ones at a tenth of their weight."""
+    parts = []
+    for axis, n in enumerate(sizes):
+        parts.append(along(axis, sizes, bends(n, axis in periodic)))
+        parts.append(FLAT * along(axis, sizes, steps(n, axis in periodic)))
+    return sparse.vstack(parts).tocsr()
