@@ -79,7 +79,7 @@ def profile(image: Image, camera: Camera, count: int) -> dict[str, float]:
     steps = steps_of(camera, through, Quantity.DN)
     rng = np.random.default_rng(0)
     out, spent = replace(image, camera=None), {}
-    for name, pointwise, function in steps:
+    for name, pointwise, function, _ in steps:
         best = np.inf
         for _ in range(count):
             t = time.perf_counter()

@@ -12,6 +12,7 @@ EMVA Standard 1288, Release 4.0 Linear, 2021.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 from interchange.bands import each_band
 from interchange.camera import Camera, Lens, Projection
 from interchange.effects import Effect, Stage, chain
+from interchange.filtering import combined, each_channel
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic, Sensor
@@ -33,6 +35,7 @@ class Step(NamedTuple):
     name: str
     pointwise: bool
     function: Function
+    effect: Effect | None = None
 
 
 def expose(
@@ -81,12 +84,11 @@ def expose(
         passes=image.passes,
     )
     for pointwise, run in groupby(steps, key=lambda s: s.pointwise):
-        functions = [step.function for step in run]
         if pointwise:
-            out = replace(out, pixels=in_bands(out, functions, rng))
-        else:
-            for function in functions:
-                out = function(out, rng)
+            out = replace(out, pixels=in_bands(out, [step.function for step in run], rng))
+            continue
+        for step in convolved(list(run), out, camera):
+            out = step.function(out, rng)
     made_by = {**image.made_by, "t_exp_s": camera.t_exp, "gain_dB": camera.sensor.gain_dB}
     return replace(image, pixels=out.pixels, quantity=until, camera=camera, made_by=made_by)
 
@@ -164,13 +166,36 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
 
 
 def _step(effect: Effect, camera: Camera) -> Step:
-    return Step(effect.name(), effect.pointwise, lambda image, rng: effect.apply(image, camera, rng))
+    return Step(effect.name(), effect.pointwise, lambda image, rng: effect.apply(image, camera, rng), effect)
 
 
 def _weighted(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
     from interchange import kernels  # Numba comes with it
 
     return kernels.weighted_sum(np.ascontiguousarray(pixels), weights.astype(np.float32))
+
+
+def convolved(steps: Sequence[Step], image: Image, camera: Camera) -> list[Step]:
+    """The steps with neighbouring convolutions made one."""
+    out: list[Step] = []
+    kernels: list[list[np.ndarray]] = []
+    for step in steps:
+        own = step.effect.kernels(image, camera) if step.effect else None
+        if own is None:
+            out.append(step)
+            kernels = []
+            continue
+        if kernels:
+            out.pop()
+        kernels.append(own)
+        count = max(map(len, kernels))
+        merged = [combined([k[c % len(k)] for k in kernels]) for c in range(count)]
+        out.append(Step("point spread", False, partial(_spread, merged)))
+    return out
+
+
+def _spread(kernels: list[np.ndarray], image: Image, rng: np.random.Generator | None) -> Image:
+    return replace(image, pixels=each_channel(image.pixels, kernels))
 
 
 def in_bands(image: Image, functions: Sequence[Function], rng: np.random.Generator | None) -> np.ndarray:

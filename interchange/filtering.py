@@ -9,7 +9,8 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from scipy.special import j1
+from scipy.signal import convolve2d
+from scipy.special import ive, j1
 
 from interchange.bands import each_band
 
@@ -19,34 +20,25 @@ SEPARABLE_ERROR = 1e-3  # of a kernel's norm, that its sum of separable kernels 
 
 
 def each_channel(pixels: np.ndarray, kernels: Sequence[np.ndarray]) -> np.ndarray:
-    """Convolve every channel with its own point-symmetric kernel, or all with the only one."""
-    if len(kernels) == 1 or all(k is kernels[0] for k in kernels):
-        return convolve(pixels, kernels[0])
-    planes = [convolve(pixels[..., c : c + 1], k)[..., 0] for c, k in enumerate(kernels)]
-    return np.stack(planes, axis=-1)
+    """``pixels`` (H, W, C) convolved: every channel with its own kernel, or all with the only one.
 
-
-def convolve(pixels: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """``pixels`` (H, W, C) with a point-symmetric kernel (k, k), k odd; by sums of separable filters where that is
-    less work (within ``SEPARABLE_ERROR``)."""
-    if kernel.shape == (1, 1):
-        return pixels * kernel[0, 0]
-    terms = _separable(kernel.tobytes(), kernel.shape)
-    half = kernel.shape[0] // 2
-    separable = half > 2 and 2 * len(terms) < kernel.shape[0]
+    Kernels (k, k), k odd, are point-symmetric. Where that is less work they are replaced by a sum of separable ones
+    (within ``SEPARABLE_ERROR``).
+    """
     height, width, channels = pixels.shape
     pixels = np.ascontiguousarray(pixels, np.float32)
+    filters = [_filter(k.tobytes(), k.shape) for k in kernels]
+    half = max(k.shape[0] for k in kernels) // 2
     out = np.empty_like(pixels)
 
     def work(start: int, stop: int) -> None:
         low, high = max(start - half, 0), min(stop + half, height)
         part = pixels[low:high]
-        if separable:
-            done = cv2.sepFilter2D(part, -1, terms[0][1], terms[0][0], borderType=BORDER)
-            for column, row in terms[1:]:
-                cv2.add(done, cv2.sepFilter2D(part, -1, row, column, borderType=BORDER), dst=done)
+        if len(filters) == 1:
+            done = _filtered(part, filters[0])
         else:
-            done = cv2.filter2D(part, -1, kernel, borderType=BORDER)
+            planes = [_filtered(p, f) for p, f in zip(cv2.split(part), filters, strict=True)]
+            done = np.asarray(cv2.merge(planes))
         out[start:stop] = done.reshape(part.shape)[start - low : stop - low]
 
     each_band(
@@ -55,8 +47,46 @@ def convolve(pixels: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     return out
 
 
+def convolve(pixels: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """``pixels`` (H, W, C), all channels with one kernel."""
+    return each_channel(pixels, [kernel])
+
+
+def combined(kernels: Sequence[np.ndarray]) -> np.ndarray:
+    """The one kernel that does what several do one after the other."""
+    return _combined(tuple((k.tobytes(), k.shape) for k in kernels))
+
+
 @lru_cache(maxsize=64)
-def _separable(data: bytes, shape: tuple[int, int]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _combined(kernels: tuple[tuple[bytes, tuple[int, int]], ...]) -> np.ndarray:
+    out = np.ones((1, 1))
+    for data, shape in kernels:
+        out = convolve2d(out, np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
+    return np.ascontiguousarray(out / out.sum(), np.float32)
+
+
+Terms = list[tuple[np.ndarray, np.ndarray]]  # columns and rows whose products are summed
+
+
+def _filtered(part: np.ndarray, by: np.ndarray | Terms) -> np.ndarray:
+    if isinstance(by, np.ndarray):
+        return part if by.shape == (1, 1) else np.asarray(cv2.filter2D(part, -1, by, borderType=BORDER))
+    done = np.asarray(cv2.sepFilter2D(part, -1, by[0][1], by[0][0], borderType=BORDER))
+    for column, row in by[1:]:
+        cv2.add(done, cv2.sepFilter2D(part, -1, row, column, borderType=BORDER), dst=done)
+    return done
+
+
+@lru_cache(maxsize=64)
+def _filter(data: bytes, shape: tuple[int, int]) -> np.ndarray | Terms:
+    """The kernel itself, or its terms where they are less work."""
+    terms = _separable(data, shape)
+    if shape[0] <= 5 or 2 * len(terms) >= shape[0]:
+        return np.frombuffer(data, np.float32).reshape(shape)
+    return terms
+
+
+def _separable(data: bytes, shape: tuple[int, int]) -> Terms:
     u, s, v = np.linalg.svd(np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
     missed = np.sqrt(np.cumsum((s**2)[::-1])[::-1]) / np.linalg.norm(s)
     rank = max(1, int((missed > SEPARABLE_ERROR).sum()))
@@ -141,10 +171,24 @@ def airy(r: np.ndarray, first_zero: float) -> np.ndarray:
 @lru_cache(maxsize=32)
 def airy_kernel(spread: float) -> np.ndarray:
     """(k, k) float32. ``spread``: λ N in px."""
+    if spread <= 0:
+        return np.ones((1, 1), np.float32)
     half = min(64, int(np.ceil(AIRY_REACH * spread)))
     n = int(np.clip(np.ceil(8 / max(spread, 1e-3)), 3, 33)) | 1
     x = (np.arange((2 * half + 1) * n) + 0.5) / n - (half + 0.5)
     return _binned(airy(np.hypot(x[:, None], x[None, :]), 1.2196698912665045 * spread), n)
+
+
+@lru_cache(maxsize=32)
+def gaussian(sigma: float) -> np.ndarray:
+    """(k, k) float32, rms ``sigma`` px along each axis: e^(-σ²) I_n(σ²), the Gaussian's twin on whole pixels.
+
+    Its variance is σ² for every σ, where samples of a Gaussian lose it below half a pixel. Lindeberg: Scale-space for
+    discrete signals. PAMI 12(3), 1990.
+    """
+    half = int(np.ceil(4 * sigma)) + 1
+    g = ive(np.abs(np.arange(-half, half + 1)), sigma**2)
+    return np.ascontiguousarray(np.outer(g, g) / g.sum() ** 2, np.float32)
 
 
 def line(u: float, v: float) -> np.ndarray:

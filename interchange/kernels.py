@@ -57,6 +57,16 @@ def times_field(pixels: np.ndarray, field: np.ndarray) -> np.ndarray:
 
 
 @compiled
+def looked_up(pixels: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """``table`` at (n,) whole DN, rounded and clipped to it."""
+    out = np.empty(len(pixels), np.float32)
+    top = np.float32(len(table) - 1)
+    for k in range(len(pixels)):
+        out[k] = table[np.uint32(min(max(pixels[k], np.float32(0)), top) + np.float32(0.5))]
+    return out
+
+
+@compiled
 def _mixed(state: np.uint64) -> np.uint64:
     """64 random bits of a counter that steps by the golden ratio: SplitMix64 (Steele, Lea, Flood 2014)."""
     z = state

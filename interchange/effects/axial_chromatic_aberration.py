@@ -29,10 +29,11 @@ class AxialChromaticAberration(Effect):
     blue: float = parameter(0.0, "d_B", "px", 0, 100, "diameter of blue's disc of confusion")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
-        diameters = (self.red, self.green, self.blue)[: image.pixels.shape[2]]
-        if len(diameters) == 1:
-            diameters = (self.green,)
-        return replace(image, pixels=each_channel(image.pixels, [disc(d) for d in diameters]))
+        return replace(image, pixels=each_channel(image.pixels, self.kernels(image, camera)))
+
+    def kernels(self, image: Image, camera: Camera) -> list[np.ndarray]:
+        diameters = (self.red, self.green, self.blue) if image.pixels.shape[2] == 3 else (self.green,)
+        return [disc(d) for d in diameters]
 
     @classmethod
     def shifted(cls, camera: Camera, shifts: tuple[float, float, float]) -> "AxialChromaticAberration":

@@ -62,6 +62,13 @@ class Effect:
         """The image after the effect. Without ``rng``: its mean over many frames."""
         raise NotImplementedError
 
+    def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
+        """Where the effect is a convolution alike all over this image: its kernel, one for all channels or one each.
+
+        ``expose`` applies neighbouring convolutions as one.
+        """
+        return None
+
     @classmethod
     def of(cls, camera: Camera) -> Self:
         """The effect as a camera's lens and sensor have it."""

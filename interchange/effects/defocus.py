@@ -7,12 +7,11 @@ and rms ``blur`` px of a Gaussian, alike everywhere.
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from interchange.camera import Camera, Projection
 from interchange.effects.base import Effect, Stage, carried
-from interchange.filtering import BORDER, convolve, disc
+from interchange.filtering import convolve, disc, gaussian
 from interchange.image import Image
 from interchange.parameter import parameter
 from interchange.problems import BrightfieldError
@@ -42,16 +41,26 @@ class Defocus(Effect):
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         pixels = image.pixels
-        drawn = image.camera is not None and image.camera.lens.f_stop > 0
-        if self.f_stop > 0 and self.focus_distance > 0 and not drawn:
+        if self._adds_depth_of_field(image):
             if (depth := image.passes.get("depth")) is None:
                 raise BrightfieldError(
                     f"Defocus at f/{self.f_stop:g} of an image that was rendered without it needs its pass depth."
                 )
             pixels = _by_depth(pixels, self.confusion(depth, camera))
         if self.blur > 0:
-            pixels = cv2.GaussianBlur(pixels, (0, 0), self.blur, borderType=BORDER).reshape(pixels.shape)
+            pixels = convolve(pixels, gaussian(self.blur))
         return replace(image, pixels=pixels)
+
+    def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
+        return (
+            None if self._adds_depth_of_field(image) else [gaussian(self.blur)] if self.blur else [disc(0.0)]
+        )
+
+    def _adds_depth_of_field(self, image: Image) -> bool:
+        drawn = (
+            image.camera is not None and image.camera.lens.f_stop > 0 and image.camera.lens.focus_distance > 0
+        )
+        return self.f_stop > 0 and self.focus_distance > 0 and not drawn
 
     def confusion(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
         """Diameter of the disc, px, of points at ``depth`` m along the axis; negative in front of the focus."""

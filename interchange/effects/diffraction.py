@@ -32,11 +32,11 @@ class Diffraction(Effect):
         return replace(camera, lens=lens)
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
-        if not self.f_stop:
-            return image
+        return replace(image, pixels=each_channel(image.pixels, self.kernels(image, camera)))
+
+    def kernels(self, image: Image, camera: Camera) -> list[np.ndarray]:
         pitch = float(np.mean(camera.sensor.pixel_pitch))
         wavelengths: tuple[float, ...] = camera.sensor.wavelength_nm
         if image.pixels.shape[2] != 3:
             wavelengths = wavelengths[1:2]
-        kernels = [airy_kernel(1e-9 * w * self.f_stop / pitch) for w in wavelengths]
-        return replace(image, pixels=each_channel(image.pixels, kernels))
+        return [airy_kernel(1e-9 * w * self.f_stop / pitch) for w in wavelengths]

@@ -87,6 +87,26 @@ def test_a_disc_has_the_second_moment_of_a_disc(diameter):
     assert variance == pytest.approx((diameter**2 / 16 + 1 / 12,) * 2, rel=0.03 if diameter > 5 else 0.15)
 
 
+@pytest.mark.parametrize("sigma", [0.1, 0.4, 1.3, 5.0])
+def test_a_gaussian_blur_has_its_variance(sigma):
+    """However narrow; to the 6e-5 of the light beyond four sigma, which has 16 times the variance and more."""
+    blurred = Defocus(sigma).apply(point(channels=1), CAMERA, None).pixels[..., 0]
+    assert moments(blurred)[1] == pytest.approx((sigma**2,) * 2, rel=2e-3)
+
+
+def test_neighbouring_convolutions_are_applied_as_one():
+    """The chain's result is that of its effects one after the other, to single precision and the separable terms'."""
+    lens = Lens(f_stop=5.6, diffraction=True, blur=0.8, axial_chromatic_aberration=(2.0, 0.0, 3.0))
+    c = replace(CAMERA, lens=lens)
+    L = Image(np.random.default_rng(0).uniform(0, 1, (81, 101, 3)).astype(np.float32))
+    got = expose(L, c, until=Quantity.IRRADIANCE).pixels / lens.projected_solid_angle
+    one = L
+    for effect in (AxialChromaticAberration(2.0, 0.0, 3.0), Defocus(0.8), Diffraction(5.6)):
+        one = effect.apply(one, c, None)
+    inner = (slice(15, -15), slice(15, -15))  # at the border the image goes on after each, or after all
+    assert got[inner] == pytest.approx(one.pixels[inner], abs=3e-3)
+
+
 def test_axial_aberration_blurs_each_channel_by_its_own_disc():
     shifts = (30e-6, 0.0, -60e-6)  # m behind the sensor, at f/2: discs of 15 and 30 µm, 3 and 6 px
     c = replace(CAMERA, lens=Lens(f_stop=2.0))
