@@ -52,6 +52,10 @@ def _verdict(fit: Fit, record: dict[str, Any], ranked: Sequence[Ranked], metric:
         else f"Half of the readings that the fit had not seen are foretold within <b>{_percent(told['median'])}</b>, "
         f"nine tenths within {_percent(told['p90'])}."
     )
+    worst = max(fit.held_out.by_fold, key=lambda label: fit.held_out.by_fold[label][metric])
+    share = fit.held_out.by_fold[worst][metric] / max(fit.held_out.rms[metric], 1e-12)
+    if share > 1.5:
+        text += f" With light at {worst} it is {share:.1f} times as far off as on the whole."
     if factor > 1.5:
         text += f" Unseen angles are {factor:.1f} times as far off as fitted ones: beware beyond what was measured."
     if best is not None and best.fit is not None:
@@ -59,8 +63,8 @@ def _verdict(fit: Fit, record: dict[str, Any], ranked: Sequence[Ranked], metric:
         if best.model == own:
             text += " No other model of the catalogue foretells them better."
         else:
-            share = best.error(metric) / fit.held_out.rms[metric]
-            text += f" Of the catalogue, {best.model} does best: {share:.2f} times this error."
+            ratio = best.error(metric) / fit.held_out.rms[metric]
+            text += f" Of the catalogue, {best.model} does best: {ratio:.2f} times this error."
     return text
 
 

@@ -33,14 +33,16 @@ def best_fit(
     rng = np.random.default_rng(seed)
     small = problem.take(_few(problem, rng))
     ranked: list[tuple[float, Chart, np.ndarray]] = []
+    linear: dict[tuple[str, ...], np.ndarray] = {}
     templates = [with_fixed(t, fixed or {}) for t in lobed(model, lobes, before, rng)]
     for template in templates:
         chart = chart_of(template, channels, grey, isotropic, tuple(fixed or {}))
-        if not ranked:
+        names = tuple(u.name for u in chart.unknowns)
+        if names not in linear:
             enough(chart, problem)
-            linear = linear_unknowns(chart, small.samples)
-        for x in candidates(chart, linear, SPREAD if len(templates) == 1 else 1, seed):
-            x = with_best_colors(chart, x, linear, small)
+            linear[names] = linear_unknowns(chart, small.samples)
+        for x in candidates(chart, linear[names], SPREAD if len(templates) == 1 else 1, seed):
+            x = with_best_colors(chart, x, linear[names], small)
             r, _ = residuals(chart, x, small)
             ranked.append((float(np.sum(r * r)), chart, x))
     ranked.sort(key=lambda entry: entry[0])

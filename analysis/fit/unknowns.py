@@ -118,7 +118,7 @@ def chart_of(
     ``grey``: the three channels are one. ``isotropic``: widths along tangent and bitangent are one. ``fixed``: names
     of parameters that stay as ``template`` has them.
     """
-    held = scale_places(template)
+    held = scale_places(template, isotropic)
     unknowns: list[Unknown] = []
     about, slots = parameters(template), template.slots()
     for name, p in about.items():
@@ -129,7 +129,8 @@ def chart_of(
         for lobe in range(lobes):
             first = slots[name].start + lobe * p.kind.width
             own = list(range(first, first + p.kind.width))
-            label = f"{name}[{lobe}]" if p.per_lobe else name
+            both = f"{name}={twin}" if twin else name
+            label = f"{both}[{lobe}]" if p.per_lobe else both
             for tag, places in _groups(p, own, channels, grey, isotropic):
                 if twin:
                     offset = slots[twin].start - slots[name].start
@@ -175,15 +176,15 @@ def _is_twin(name: str, about: Mapping[str, Parameter]) -> bool:
     return any(_twin(other, about) == name for other in about)
 
 
-def scale_places(brdf: Brdf) -> set[int]:
-    """The numbers that are held because another parameter does the same: the largest entry of each Lafortune C."""
+def scale_places(brdf: Brdf, isotropic: bool = False) -> set[int]:
+    """The numbers that are held because another parameter does the same: the largest entry of each Lafortune C (Cx and
+    Cy together for an isotropic lobe)."""
     if not isinstance(brdf, Lafortune):
         return set()
     places, first = set(), brdf.slots()["C"].start
     for lobe, c in enumerate(brdf.C):
-        largest = max(map(abs, c))
-        tied = abs(c[0]) == abs(c[1]) == largest and abs(c[2]) < largest
-        places |= {first + 3 * lobe + k for k in ((0, 1) if tied else (int(np.argmax(np.abs(c))),))}
+        largest = int(np.argmax(np.abs(c)))
+        places |= {first + 3 * lobe + k for k in ((0, 1) if isotropic and largest < 2 else (largest,))}
     return places
 
 

@@ -194,6 +194,9 @@ def test_anisotropy_is_fitted_only_where_the_lamp_went_round():
     wi, wo = goniometer(azimuths=(0.0, 0.8, 1.6, 2.4), width=0.35, count=40, incidence=(15, 35, 55))
     found = fit(samples_of(truth, wi, wo, 0.01), WardAnisotropic, Options("log"))
     assert (found.brdf.alpha_x, found.brdf.alpha_y) == pytest.approx((0.15, 0.4), rel=0.03)
+    brushed = Lafortune(0.1, [1.0], [(-1.0, -0.8, 0.9)], [15])
+    lobe = fit(samples_of(brushed, wi, wo, 0.01), Lafortune, Options("log", lobes=1)).brdf
+    assert lobe.C[0] == pytest.approx((-1.0, -0.8, 0.9), abs=0.02)
     wi, wo = goniometer(width=0.35, count=40)
     assert not tells_azimuth(samples_of(truth, wi, wo))
     flat = fit(samples_of(truth, wi, wo, 0.01), WardAnisotropic, Options("log"))
