@@ -25,6 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     brdf.add_argument(
         "--grid", metavar="N,N,N", help="bins of theta_h, theta_d, phi_d; or theta_i, phi_i, theta_o, phi_o"
     )
+    brdf.add_argument("--utia", action="store_true", help="an OpenEXR image is UTIA's picture of a BRDF")
     brdf.add_argument(
         "--reciprocal", action="store_true", help="fill with samples whose light and camera are exchanged"
     )
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     target = Path(args.target)
     format_for_writing(target)  # before the reading, which may take long
     options = options_from(args)
-    if format_of(Path(args.source)).holds == "measurement":
+    if args.utia or format_of(Path(args.source)).holds == "measurement":
         document = _material(Path(args.source), options, args)
     elif args.grid or args.reciprocal:
         raise BrightfieldError(f"--grid and --reciprocal are for measured BRDFs; {args.source} is a scene.")
@@ -53,6 +54,8 @@ def _material(source: Path, options: Options, args: argparse.Namespace) -> Docum
     """A document that holds one material: the BRDF of a measurement, as a table."""
     from analysis.tabulate import to_model
     from interchange.formats.usd_author import material_stage
+    from interchange.formats.utia import measurement_of
+    from interchange.image import Image
     from interchange.material import Material
 
     shape: tuple[int, ...] = ()
@@ -63,6 +66,11 @@ def _material(source: Path, options: Options, args: argparse.Namespace) -> Docum
                 f"--grid must be three or four whole numbers, 24,10,12 say; got {args.grid}."
             )
         shape = tuple(map(int, words))
-    made = to_model(open_file(source, options), shape, reciprocal=args.reciprocal)
+    found = open_file(source, options)
+    if args.utia:
+        if not isinstance(found, Image):
+            raise BrightfieldError(f"--utia is for OpenEXR images of UTIA's BRDFs; {source} is none.")
+        found = measurement_of(found.pixels, str(source))
+    made = to_model(found, shape, reciprocal=args.reciprocal)
     problems: list[Problem] = list(made.notes)
     return Document(material_stage(Material(source.stem, made.brdf)), source, problems)

@@ -9,7 +9,9 @@ import pytest
 from composer.cli import main
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.tabulated_isotropic import TabulatedIsotropic
+from interchange.formats import exr
 from interchange.formats.document import open_file, open_scene
+from interchange.image import Image
 from interchange.measurement import from_half_difference
 
 ROOT = Path(__file__).parents[2]
@@ -77,6 +79,19 @@ def test_scattered_readings_become_a_table(tmp_path: Path, capsys) -> None:
     assert red > 3 * green  # Garnet Red
 
 
+def test_utias_picture_of_a_cloth(tmp_path: Path, capsys) -> None:
+    picture = np.full((288, 288, 3), 0.25, np.float32)
+    picture[:, 0] = 0.5  # camera along the normal
+    exr.write(tmp_path / "cloth.exr", Image(picture))
+    target = tmp_path / "material.usdc"
+    assert main(["convert", str(tmp_path / "cloth.exr"), str(target), "--utia"]) == 0
+    assert "Nothing was measured beyond 75°" in capsys.readouterr().err
+    (body,) = open_scene(scene_of(target)).scene().bodies
+    wi = np.array([0.6, 0, 0.8])
+    assert body.material.brdf.evaluate(wi, np.array([0, 0, 1.0])) == pytest.approx([0.5] * 3)
+    assert body.material.brdf.evaluate(wi, np.array([-0.8, 0, 0.6])) == pytest.approx([0.25] * 3)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -85,6 +100,7 @@ def test_scattered_readings_become_a_table(tmp_path: Path, capsys) -> None:
             [str(ROOT / "assets/measurements/cie.stdillum.A.spd"), "OUT"],
             "A BRDF was expected; this is a spectrum",
         ),
+        ([str(MEASURED), "OUT", "--utia"], "--utia is for OpenEXR images"),
         ([str(ROOT / "assets/bench_sample/scene.usda"), "OUT", "--grid", "8,5,6"], "are for measured BRDFs"),
     ],
 )
