@@ -1,9 +1,9 @@
-"""Photometric files of luminaires: IES LM-63 (.ies) and EULUMDAT (.ldt)."""
+"""Photometric files of luminaires: IES LM-63 (.ies), EULUMDAT (.ldt), and radial profiles of data sheets (.csv)."""
 
 import re
 from pathlib import Path
 
-from interchange.formats import eulumdat, ies
+from interchange.formats import eulumdat, ies, measurements, radial_profile
 from interchange.formats.base import Format, Options
 from interchange.formats.luminous_intensity import Photometry
 from interchange.light import Profile
@@ -20,6 +20,8 @@ def read(path: Path | str) -> Profile:
 def load(path: Path | str) -> Photometry:
     """The intensities with what the file says of its luminaire. Raises FileError with every problem."""
     path = Path(path)
+    if path.suffix.lower() in (".csv", ".tsv"):
+        return radial_profile.parse(measurements.read(path), path)
     where = Where(str(path))
     try:
         if path.stat().st_size > MAX_BYTES:
