@@ -53,7 +53,7 @@ def luminous_efficacy(spectrum: Spectrum) -> float:
 def watts_of(lumens: float, spectrum: Spectrum) -> float:
     """Radiant flux, W, of a luminous flux. Raises BrightfieldError where the spectrum is not visible."""
     efficacy = luminous_efficacy(spectrum)
-    if not efficacy > 1e-6:
+    if not efficacy > 1e-3:
         raise BrightfieldError(
             f"Lumens need a visible spectrum; this has {efficacy:g} lm/W. ({spectrum.name})"
         )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interchange.colorimetry import luminous_efficacy
@@ -65,6 +65,7 @@ def test_a_cone_lets_its_solid_angle_through(half_angle: float) -> None:
     assert power_per_intensity(light) == pytest.approx(2 * np.pi * (1 - np.cos(half_angle)))
 
 
+@settings(deadline=None)
 @given(focus=st.floats(0, 200))
 def test_focus_is_a_power_of_the_cosine(focus: float) -> None:
     """∫ cos^n over the half-sphere is 2π / (n + 1); a disk has one cosine more."""

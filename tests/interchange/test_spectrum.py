@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interchange.camera import Camera, Lens, Sensor
@@ -73,6 +73,7 @@ def test_equal_energy_is_white_at_a_third() -> None:
     assert chromaticity(illuminant("E")) == pytest.approx([1 / 3, 1 / 3], abs=5e-5)
 
 
+@settings(deadline=None)
 @given(temperature=st.floats(300, 20000))
 def test_stefan_boltzmann_and_wien(temperature: float) -> None:
     wavelength = np.geomspace(1e5 / temperature, 1e10 / temperature, 20001)
@@ -120,6 +121,7 @@ def test_d65_is_white_in_srgb_and_red_is_red() -> None:
     assert sum(srgb_color(illuminant("A"))) == pytest.approx(3)
 
 
+@settings(deadline=None)
 @given(peak=st.floats(380, 1000), width=st.floats(1, 60))
 def test_an_led_has_its_width_and_unit_power(peak: float, width: float) -> None:
     line = led(peak, width)
