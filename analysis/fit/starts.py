@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from analysis.fit.unknowns import Chart, Scale, normalised
+from analysis.fit.unknowns import Chart, normalised
 from interchange.brdf.base import Brdf
 from interchange.brdf.lafortune import Lafortune
 from interchange.parameter import Kind, parameters
+
+PER_SHAPE = 20  # candidates for each number that shapes the reflectance
 
 # a lobe may lie off the mirror direction (Cz / |Cxy| below 1: towards grazing), or go back to the lamp
 LEANS = (0.0, 0.7, 0.9, 0.97, 1.0, 1.1, 1.5)
@@ -23,22 +25,21 @@ EXPONENTS = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0, 400.0, 1500.0, 6000.0)
 
 
 def candidates(chart: Chart, linear: np.ndarray, count: int, seed: int) -> Iterator[np.ndarray]:
-    """``count`` points (P,) of a chart; its template's own values are the first."""
+    """Points (P,) of a chart, at most ``count``; its template's own values are the first."""
     low, high = chart.bounds
     yield chart.start()
     shape = ~linear
-    if not shape.any():
+    if not shape.any() or count < 2:
         return
     # the channels of a colour that shapes the lobe (an index of refraction) move together
     groups = [u.name.rsplit(".", 1)[0] if u.color else u.name for u in chart.unknowns]
     keys = sorted({g for g, s in zip(groups, shape, strict=True) if s})
-    spread = qmc.LatinHypercube(len(keys), rng=np.random.default_rng(seed)).random(count)
+    cube = qmc.LatinHypercube(len(keys), rng=np.random.default_rng(seed))
     start = chart.start()
-    for row in spread:
+    for row in cube.random(min(count, PER_SHAPE * len(keys))):
         at = dict(zip(keys, row, strict=True))
         share = np.array([at.get(g, 0.0) for g in groups])
-        top = np.where([u.scale is Scale.LOG1P for u in chart.unknowns], high, high)
-        yield np.where(shape, low + share * (top - low), start)
+        yield np.where(shape, low + share * (high - low), start)
 
 
 def lobed(model: type[Brdf], lobes: int, before: Brdf | None, rng: np.random.Generator) -> list[Brdf]:
