@@ -16,12 +16,14 @@ from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
 from interchange.distortion import LensModel
 from interchange.formats import usd_sensor
+from interchange.formats.usd_preview import preview_of
 from interchange.frames import camera_from_gl, z_up_from_y_up
 from interchange.light import Light, LightKind
 from interchange.material import Material, Texture
 from interchange.mesh import Mesh
 from interchange.parameter import Kind as ParameterKind
 from interchange.parameter import parameters, settings, tables
+from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
 TYPES = {
@@ -149,18 +151,6 @@ def material_stage(material: Material) -> Usd.Stage:
     return stage
 
 
-def preview_of(brdf: Brdf) -> UsdPreviewSurface:
-    """The UsdPreviewSurface that looks most like a BRDF: its diffuse albedo, and a roughness from its exponent.
-
-    A cosine lobe of exponent n is as wide as a GGX lobe of alpha² = 2 / (n + 2) (Walter et al. 2007, eq. 28).
-    """
-    diffuse = np.clip(getattr(brdf, "diffuse", (0.18, 0.18, 0.18)), 0, 1)
-    n = np.atleast_1d(getattr(brdf, "n", 0.0))
-    widest = float(n.max()) if n.size else 0.0
-    roughness = (2 / (widest + 2)) ** 0.25
-    return UsdPreviewSurface(diffuseColor=tuple(diffuse), roughness=float(roughness))
-
-
 def author_brdf(stage: Usd.Stage, shader: UsdShade.Shader, brdf: Brdf, maps: Mapping[str, Texture]) -> None:
     """A BRDF's name and numbers on ``shader``; the parts of a sum become shaders below it, connected to its inputs."""
     shader.CreateIdAttr(type(brdf).__name__)
@@ -280,9 +270,12 @@ def author_light(stage: Usd.Stage, path: str, light: Light) -> Any:
         prim.CreateHeightAttr(light.height / unit)
     if light.kind is LightKind.DISTANT:
         prim.CreateAngleAttr(float(np.degrees(light.angle)))
+    for name, part in (("texture", light.texture), ("profile", light.profile)):
+        if part is not None and not part.file:
+            raise BrightfieldError(f"A lamp's {name} must be in a file to be written as USD. ({light.name})")
     if light.texture is not None:
         prim.CreateTextureFileAttr(light.texture.file)
-    if light.cone_angle < np.pi or light.focus or light.profile is not None:
+    if light.cone_angle < np.pi or light.cone_softness or light.focus or light.profile is not None:
         shaping = UsdLux.ShapingAPI.Apply(prim.GetPrim())
         shaping.CreateShapingConeAngleAttr(float(np.degrees(light.cone_angle)))
         shaping.CreateShapingConeSoftnessAttr(light.cone_softness)
