@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PACKAGES := libegl1 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libxfixes3 libxxf86vm1
 LIBRARIES := libEGL.so.1 libGL.so.1 libXrender.so.1 libXi.so.6 libxkbcommon.so.0 libSM.so.6 libXfixes.so.3 libXxf86vm.so.1
 
-.PHONY: demo test lint format bench truth clean setup system
+.PHONY: demo test lint format bench truth reference clean setup system
 
 demo: setup
 	$(BIN)/brightfield demo --out out/demo
@@ -27,11 +27,15 @@ format: setup
 	$(BIN)/ruff format .
 
 bench: setup $(VENV)/.bench
-	@for name in rasterizer cycles per_light; do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+	@for name in rasterizer cycles per_light exposure brdf_cost pixel_fit; do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 # the figures of docs/truth.md; some ten minutes
 truth: setup
 	$(BIN)/python benchmarks/truth.py --out docs/truth.md
+
+# docs/reflectance.md, the page of all reflectance models, with its pictures; some three minutes
+reference: setup
+	$(BIN)/python -m composer.gallery.reflectance --out docs
 
 clean:
 	rm -rf $(VENV) out build *.egg-info
