@@ -40,7 +40,7 @@ residuals over these alone. Seconds: one projection of all three channels on one
 - These paints are a matte floor and a highlight that at 80° reaches up to a thousand times the floor. A few samples are
   most of the energy, and "held out" over all angles is mostly whether they were among those seen.
 - Expansions over both hemispheres (harmonics, Zernike) follow a highlight slowly, ring below it and are cut off at 0
-  (the black fields in the picture). They are for matte and velvety surfaces.
+  (the black fields in the picture); beyond the measured 80° their albedo may exceed 1. For matte and velvety surfaces.
 - Wavelets take on any sample that they are given and guess badly between incidences: a highlight moves with the light,
   and they blend it in place. Few of them ring.
 - Half vector and difference hold the highlight still: one or two products of 28 numbers each foretell unseen samples
