@@ -89,6 +89,8 @@ def expose(
             continue
         for step in convolved(list(run), out, camera):
             out = step.function(out, rng)
+    if np.isnan(np.sum(out.pixels)):
+        raise BrightfieldError("Radiance must be finite to be exposed; the image has values that are not.")
     made_by = {**image.made_by, "t_exp_s": camera.t_exp, "gain_dB": camera.sensor.gain_dB}
     return replace(image, pixels=out.pixels, quantity=until, camera=camera, made_by=made_by)
 

@@ -1,7 +1,7 @@
 """Convolution and resampling of images (H, W, C) float32, and the point-spread functions of optics.
 
-A rendered pixel is the mean over its own square; kernels are the mean of the point-spread function over squares of
-that size, with sum 1. Outside the image its border goes on.
+A rendered pixel is the mean over its own square already: kernels add what the optics do and no second square. Their
+sum is 1. Outside the image its border goes on.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,8 @@ from scipy.special import ive, j1
 from interchange.bands import each_band
 
 BORDER = cv2.BORDER_REPLICATE
-AIRY_REACH = 8.0  # kernel radius in units of λN; outside lie 0.2 / AIRY_REACH = 2.5 % of the light
+AIRY_REACH = 8.0  # kernel radius in units of λN; the 2.5 % of light that lie outside are folded back
+MOST_AIRY = 160  # px
 SEPARABLE_ERROR = 1e-3  # of a kernel's norm, that its sum of separable kernels may miss
 
 
@@ -149,13 +150,20 @@ def _corrections(place: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray
 
 @lru_cache(maxsize=128)
 def disc(diameter: float) -> np.ndarray:
-    """(k, k) float32: a uniform disc of ``diameter`` px, as a thin lens out of focus draws a point."""
-    radius = diameter / 2
-    half = max(0, int(np.ceil(radius - 0.5)))
+    """(k, k) float32: a uniform disc of ``diameter`` px, as a thin lens out of focus draws a point.
+
+    Its variance along each axis is the disc's, diameter² / 16: below three pixels it is a Gaussian of that width, which
+    is hard to tell from it; beyond, the sum over pixels of a disc smaller by what that sum adds, 1/12 px².
+    """
+    if diameter < 3.0:
+        return gaussian(diameter / 4)
+    radius = np.sqrt(diameter**2 - 4 / 3) / 2
+    half = int(np.ceil(radius - 0.5))
     n = 16 if half < 8 else 8
     x = (np.arange((2 * half + 1) * n) + 0.5) / n - (half + 0.5)
-    inside = (x[:, None] ** 2 + x[None, :] ** 2 <= max(radius, 1e-6) ** 2).astype(np.float64)
-    return _binned(inside, n) if inside.any() else np.ones((1, 1), np.float32)
+    inside = (x[:, None] ** 2 + x[None, :] ** 2 <= radius**2).astype(np.float64)
+    cells = inside.reshape(2 * half + 1, n, 2 * half + 1, n).sum(axis=(1, 3))
+    return np.ascontiguousarray(cells / cells.sum(), np.float32)
 
 
 def airy(r: np.ndarray, first_zero: float) -> np.ndarray:
@@ -168,15 +176,26 @@ def airy(r: np.ndarray, first_zero: float) -> np.ndarray:
     return np.where(v < 1e-6, 1.0, (2 * j1(safe) / safe) ** 2)
 
 
+def diffraction_mtf(nu: np.ndarray) -> np.ndarray:
+    """Contrast of a sine at ``nu`` = frequency · λ N: 2/π (arccos ν - ν √(1 - ν²)), 0 beyond 1.
+
+    Goodman: Introduction to Fourier Optics, 3rd ed., 2005, eq. 6-31.
+    """
+    v = np.clip(nu, 0, 1)
+    return np.asarray(2 / np.pi * (np.arccos(v) - v * np.sqrt(1 - v * v)))
+
+
 @lru_cache(maxsize=32)
 def airy_kernel(spread: float) -> np.ndarray:
-    """(k, k) float32. ``spread``: λ N in px."""
+    """(k, k) float32 with diffraction's contrast at every frequency that pixels can show. ``spread``: λ N in px."""
     if spread <= 0:
         return np.ones((1, 1), np.float32)
-    half = min(64, int(np.ceil(AIRY_REACH * spread)))
-    n = int(np.clip(np.ceil(8 / max(spread, 1e-3)), 3, 33)) | 1
-    x = (np.arange((2 * half + 1) * n) + 0.5) / n - (half + 0.5)
-    return _binned(airy(np.hypot(x[:, None], x[None, :]), 1.2196698912665045 * spread), n)
+    half = min(MOST_AIRY, int(np.ceil(AIRY_REACH * spread)))
+    f = np.fft.fftfreq(2 * half + 1)
+    kernel = np.fft.fftshift(np.fft.ifft2(diffraction_mtf(spread * np.hypot(f[:, None], f[None, :]))).real)
+    kernel = (kernel + kernel.T) / 2
+    kernel = (kernel + kernel[::-1, ::-1]) / 2
+    return np.ascontiguousarray(kernel, np.float32)
 
 
 @lru_cache(maxsize=32)
@@ -186,6 +205,8 @@ def gaussian(sigma: float) -> np.ndarray:
     Its variance is σ² for every σ, where samples of a Gaussian lose it below half a pixel. Lindeberg: Scale-space for
     discrete signals. PAMI 12(3), 1990.
     """
+    if sigma <= 0:
+        return np.ones((1, 1), np.float32)
     half = int(np.ceil(4 * sigma)) + 1
     g = ive(np.abs(np.arange(-half, half + 1)), sigma**2)
     return np.ascontiguousarray(np.outer(g, g) / g.sum() ** 2, np.float32)
@@ -217,10 +238,3 @@ def _lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         (1 + t) * t * (2 - t) / 2,
         -(1 + t) * t * (1 - t) / 6,
     ]
-
-
-def _binned(fine: np.ndarray, n: int) -> np.ndarray:
-    """Sums over n x n cells, scaled to sum 1."""
-    k = fine.shape[0] // n
-    kernel = fine.reshape(k, n, k, n).sum(axis=(1, 3))
-    return np.ascontiguousarray(kernel / kernel.sum(), np.float32)

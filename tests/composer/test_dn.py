@@ -1,6 +1,7 @@
 """The camera's image from the command line, and the same DN from both renderers."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,7 +16,7 @@ from interchange.formats import gprims, images
 from interchange.formats.document import Document, open_scene
 from interchange.formats.usd_author import author_scene
 from interchange.frames import look_at
-from interchange.image import Image
+from interchange.image import Image, Quantity
 from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.scene import Body, Scene
@@ -133,3 +134,31 @@ def test_a_preview_and_dn_do_not_share_a_name(usd, tmp_path, capsys):
     assert main(words) == 2
     assert "--dn tiff" in capsys.readouterr().err
     assert main(["render", str(usd), "--time", "0", "--out", str(tmp_path / "a.png"), "--dn", "png"]) == 2
+
+
+def test_defocus_by_depth_is_what_the_renderer_draws():
+    """A slanted plate of stripes, sharp in its middle: the pinhole's image defocused by its depth, against the
+    rasteriser's own thin lens. The pinhole's edges are sharper than pixels can show, so that where they lie within a
+    pixel is lost to what blurs them later: 3 % of the mean, of 23 % that the blur is."""
+    stripes = []
+    for k in range(30):
+        pose = np.eye(4)
+        pose[:3, :3] = cv2.Rodrigues(np.array([0.9, 0, 0]))[0]
+        pose[:3, 3] = (k - 14.5) * 0.01, 0, 0
+        albedo = (0.8, 0.8, 0.8) if k % 2 else (0.1, 0.1, 0.1)
+        stripes.append(Body(f"s{k}", gprims.plane(0.01, 0.6), Material(f"m{k}", Lambert(albedo)), pose))
+    lens = Lens(16e-3, f_stop=0.25, focus_distance=0.4)
+    thin = replace(CAMERA, lens=lens, sensor=Sensor((96, 72), (7e-5, 7e-5)))
+    pin = replace(thin, lens=Lens(16e-3))
+    light = Light("Lamp", LightKind.SPHERE, (1, 1, 1), LAMP)
+    rasterizer = Rasterizer()
+    drawn = rasterizer.render(Scene(tuple(stripes), (light,), (thin,)), thin, samples=256)
+    sharp = rasterizer.render(Scene(tuple(stripes), (light,), (pin,)), pin, samples=64, passes=("depth",))
+    ours = expose(sharp, thin, until=Quantity.IRRADIANCE).pixels[..., 1]
+    want = expose(drawn, thin, until=Quantity.IRRADIANCE).pixels[..., 1]
+    unblurred = expose(sharp, pin, until=Quantity.IRRADIANCE).pixels[..., 1] * thin.lens.projected_solid_angle
+    inner = (slice(6, -6), slice(10, -10))
+    error = np.sqrt(np.mean((ours - want)[inner] ** 2)) / want[inner].mean()
+    without = np.sqrt(np.mean((unblurred - want)[inner] ** 2)) / want[inner].mean()
+    assert without > 0.15
+    assert error < 0.04

@@ -252,6 +252,7 @@ def test_given_effects_stand_for_the_cameras_own():
         (flat(1, (10, 10)), station(), "64 x 48 px and 1 or 3 channels; got 10 x 10"),
         (flat(1, channels=2), station(), "1 or 3 channels"),
         (replace(flat(1), quantity=Quantity.DN), station(), "starts from radiance"),
+        (flat(np.nan), station(), "must be finite"),
         (flat(1, channels=1), station(mosaic="RGGB"), "three channels"),
         (flat(1), replace(station(), t_exp=-1), "must not be negative"),
         (flat(1), station(Lens(f_stop=4, focus_distance=1)), "needs its pass depth"),
