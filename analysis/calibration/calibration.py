@@ -39,12 +39,14 @@ class Outlier:
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """``theta`` (P,) and ``covariance`` (P, P) of ``bundle``'s parameters; ``sigma`` px, noise of one coordinate of a
-    point. Parameters that the images do not tell apart have infinite variance and are named by ``undetermined``."""
+    point. ``loose`` (P,) bool: parameters that the images do not tell apart; the covariance leaves out the directions
+    in which they can be moved without a change of what is seen."""
 
     bundle: Bundle
     theta: np.ndarray
     covariance: np.ndarray
     sigma: float
+    loose: np.ndarray
 
     @property
     def observations(self) -> Observations:
@@ -87,13 +89,13 @@ class Calibration:
     @property
     def undetermined(self) -> list[str]:
         names = self.bundle.names()
-        return [names[i] for i in np.nonzero(~np.isfinite(np.diag(self.covariance)))[0]]
+        return [names[i] for i in np.nonzero(self.loose)[0]]
 
     def parameters(self, c: int) -> list[tuple[str, float, float]]:
-        """Name, value and σ of a camera's parameters; px and 1. Pose on the rig: rad and m."""
+        """Name, value and σ (infinite where loose) of a camera's parameters; px and 1. Pose on the rig: rad and m."""
         places = [*self.bundle.of_camera(c), *self.bundle.of_pose(c)]
         names = [*self.model.names, *(("r_x", "r_y", "r_z", "t_x", "t_y", "t_z") if c else ())]
-        sigma = np.sqrt(np.diag(self.covariance))
+        sigma = np.where(self.loose, np.inf, np.sqrt(np.diag(self.covariance)))
         return [(n, float(self.theta[i]), float(sigma[i])) for n, i in zip(names, places, strict=True)]
 
     @property
@@ -155,7 +157,8 @@ def calibrate(observations: Observations, model: FitModel, start: np.ndarray | N
     H, _, cost = bundle.normal(theta)
     count = 2 * sum(int(v.used.sum()) for v in bundle.observations.views)
     sigma = float(np.sqrt(cost / max(count - bundle.size, 1)))
-    return Calibration(bundle, theta, sigma**2 * _inverse(H), sigma)
+    inverse, loose = _inverse(H)
+    return Calibration(bundle, theta, sigma**2 * inverse, sigma, loose)
 
 
 def calibrate_images(cameras: dict[str, Sequence[Path]], board: Board, model: str = "5") -> Calibration:
@@ -200,22 +203,19 @@ def _unseen(bundle: Bundle) -> np.ndarray:
     return fixed
 
 
-def _inverse(H: np.ndarray) -> np.ndarray:
-    """H⁻¹; rows and columns of parameters that H does not fix are infinite on the diagonal, and 0 off it."""
+def _inverse(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """H⁻¹ without the directions that H does not fix, and (P,) bool which parameters have a part in those."""
     size = np.sqrt(np.diag(H))
     seen = size > 0
     scaled = H[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
     values, vectors = np.linalg.eigh(scaled)
-    loose = values < 1e-14 * values[-1]
-    inverse = (vectors[:, ~loose] / values[~loose]) @ vectors[:, ~loose].T
+    flat = values < 1e-14 * values[-1]
+    inverse = (vectors[:, ~flat] / values[~flat]) @ vectors[:, ~flat].T
     found = np.zeros_like(H)
     found[np.ix_(seen, seen)] = inverse / np.outer(size[seen], size[seen])
-    free = (vectors[:, loose] ** 2).sum(axis=1) > 1e-3
-    places = np.concatenate([np.nonzero(~seen)[0], np.nonzero(seen)[0][free]])
-    found[places, :] = 0
-    found[:, places] = 0
-    found[places, places] = np.inf
-    return found
+    loose = ~seen
+    loose[seen] = (vectors[:, flat] ** 2).sum(axis=1) > 1e-3
+    return found, loose
 
 
 def _centroid_shifts(bundle: Bundle, theta: np.ndarray) -> list[np.ndarray]:

@@ -98,7 +98,7 @@ def split(calibration: Calibration) -> tuple[Calibration, Calibration]:
 def _difference(a: Calibration, b: Calibration, c: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     places = a.bundle.of_camera(c)
     both = a.covariance[np.ix_(places, places)] + b.covariance[np.ix_(places, places)]
-    known = np.isfinite(np.diag(both))
+    known = ~(a.loose[places] | b.loose[places])
     places = places[known]
     return a.theta[places] - b.theta[places], both[np.ix_(known, known)], places
 

@@ -32,9 +32,7 @@ def record(calibration: Calibration, validations: dict[str, CrossValidation]) ->
                     {"name": n, "value": v, "sigma": s if np.isfinite(s) else None}
                     for n, v, s in calibration.parameters(c)
                 ],
-                "covariance": np.nan_to_num(
-                    calibration.covariance[np.ix_(places, places)], posinf=-1
-                ).tolist(),
+                "covariance": calibration.covariance[np.ix_(places, places)].tolist(),
             }
         )
     images = [

@@ -59,8 +59,7 @@ def projection_uncertainty(
     )  # back to the camera's own axes
     seen = np.isfinite(ray).all(axis=-1)
     G = gradient(calibration, c, np.where(seen[:, None], ray, [0, 0, 1.0]), distance)
-    sigma = np.where(np.isfinite(calibration.covariance), calibration.covariance, 0.0)
-    half = (G.reshape(-1, G.shape[-1]) @ sigma).reshape(G.shape)
+    half = (G.reshape(-1, G.shape[-1]) @ calibration.covariance).reshape(G.shape)
     covariance = np.einsum("nip,njp->nij", half, G)
     covariance[~seen] = np.nan
     return Field(pixels, covariance.reshape(*pixels.shape[:-1], 2, 2), float(distance))

@@ -73,8 +73,8 @@ def test_exact_corners_give_the_lens_back(model):
 
 
 def test_intervals_of_95_percent_hold_the_truth_95_times_in_100():
-    """150 calibrations: of parameters, and of projections at nine pixels of the field. The share of one number has a
-    binomial sd of 1.8 %; numbers of one calibration are correlated, so their mean is hardly better: 3 sd."""
+    """100 calibrations: of parameters, and of projections at nine pixels of the field. The share of one number has a
+    binomial sd of 2.2 %; numbers of one calibration are correlated, so their mean is hardly better: 3 sd."""
     observations, theta = exact(CAMERA, 7)
     rng = np.random.default_rng(3)
     pixels = 0.2 * np.array([640, 480]) + 0.6 * grid(
@@ -82,7 +82,7 @@ def test_intervals_of_95_percent_hold_the_truth_95_times_in_100():
     )  # where boards were; beyond it is extrapolated
     hits, field_hits, sigmas = [], [], []
     _, ray = CAMERA.rays(pixels.reshape(-1, 2))
-    for _ in range(150):
+    for _ in range(100):
         found = calibrate(noisy(observations, rng), MODELS["5"], theta)
         error = (found.theta - theta)[:9]
         hits.append(np.abs(error) < 1.96 * np.sqrt(np.diag(found.covariance)[:9]))
@@ -97,8 +97,8 @@ def test_intervals_of_95_percent_hold_the_truth_95_times_in_100():
         square = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off)
         field_hits.append(square < chi2.ppf(0.95, 2))
     assert np.mean(sigmas) == pytest.approx(SIGMA, rel=0.02)
-    assert np.mean(hits) == pytest.approx(0.95, abs=0.053)
-    assert np.mean(field_hits) == pytest.approx(0.95, abs=0.053)
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.065)
+    assert np.mean(field_hits) == pytest.approx(0.95, abs=0.065)
 
 
 def _pose(theta: np.ndarray, bundle: Bundle, m: int) -> np.ndarray:

@@ -142,6 +142,8 @@ def test_the_command_writes_scene_numbers_and_report(tmp_path, capsys):
     data = json.loads(numbers.read_text())
     assert data["cameras"][0]["K"][0][0] == pytest.approx(camera.K[0, 0], rel=1e-6)
     assert len(data["cameras"][0]["covariance"]) == 9
+    again = open_scene(numbers).scene().camera()
+    assert again.lens.distortion == pytest.approx(camera.lens.distortion, rel=1e-5)
 
 
 @pytest.mark.parametrize(
