@@ -27,6 +27,7 @@ from interchange.reflectance import ReflectanceSamples
 from interchange.table import Table
 
 STEPS = 5
+MOST = 16_000  # rows of a goniometer's table, unless asked for
 FLAT = 0.1  # weight of first differences: what lies far from every sample goes on level
 Grid = TabulatedIsotropic | TabulatedGoniometer
 
@@ -64,7 +65,7 @@ def to_model(
         data = ReflectanceSamples.from_measurement(data)
     samples = prepared(data)
     where = Where(samples.file)
-    azimuth = np.arctan2(samples.wi[:, 1], samples.wi[:, 0])[samples.theta[0] > 1e-3]
+    azimuth = _azimuth(samples.wi)[samples.theta[0] > 1e-3]
     isotropic = len(shape) == 3 if shape else len(np.unique(np.round(azimuth, 3) % 6.283)) <= 1
     notes = [
         Problem(f"{int(n)} values of {c} are negative.", where, Severity.NOTE) for c, n in _negatives(samples)
@@ -122,7 +123,7 @@ def _with_mirror_image(samples: ReflectanceSamples) -> ReflectanceSamples:
 
 def _half_angles(shape: tuple[int, ...], count: int) -> TabulatedIsotropic:
     if not shape:
-        k = np.cbrt(count / 1500)
+        k = min(np.cbrt(count / 1500), 1.8)  # at most some 16 000 rows, which take seconds; more on request
         shape = (int(np.clip(24 * k, 8, 90)), int(np.clip(10 * k, 4, 90)), int(np.clip(12 * k, 4, 180)))
     h, d, p = shape
     return TabulatedIsotropic((1.0, 1.0, 1.0), h, d, p, Table(np.zeros(h * d * p)))
@@ -131,18 +132,25 @@ def _half_angles(shape: tuple[int, ...], count: int) -> TabulatedIsotropic:
 def _goniometer(shape: tuple[int, ...], samples: ReflectanceSamples) -> TabulatedGoniometer:
     theta_i, theta_o = (float(np.clip(t.max(), 0.1, np.pi / 2)) for t in samples.theta)
     if not shape:
-        polar = [int(np.clip(len(np.unique(np.round(t, 3))), 2, 19)) for t in samples.theta]
-        turns = [
-            int(np.clip(len(np.unique(np.round(np.arctan2(w[:, 1], w[:, 0]), 3))), 4, 48))
-            for w in (samples.wi, samples.wo)
+        angles = [
+            t for w, t in zip((samples.wi, samples.wo), samples.theta, strict=True) for t in (t, _azimuth(w))
         ]
-        shape = (polar[0], turns[0], polar[1], turns[1])
+        counts = np.array([len(np.unique(np.round(a, 3))) for a in angles], float)
+        counts = np.clip(counts, (2, 4, 2, 4), (19, 48, 19, 48))
+        most = min(len(samples), MOST)
+        shape = tuple(
+            int(n) for n in np.maximum(counts * min((most / counts.prod()) ** 0.25, 1.0), (2, 4, 2, 4))
+        )
     if len(shape) != 4:
         raise BrightfieldError(
             f"A table's shape must have 3 numbers (isotropic) or 4 (goniometer); got {len(shape)}."
         )
     rows = int(np.prod(shape))
     return TabulatedGoniometer((1.0, 1.0, 1.0), theta_i, theta_o, *shape, values=Table(np.zeros(rows)))
+
+
+def _azimuth(w: np.ndarray) -> np.ndarray:
+    return np.arctan2(w[:, 1], w[:, 0])
 
 
 def _on_nodes(
@@ -174,8 +182,11 @@ def _settled(
     for _ in range(STEPS):
         left = f - small * (spread @ np.sinh(x))
         cost = float(np.sum((left / size) ** 2))
+        settled = 0.98 * least < cost <= least
         if cost < least:
             best, least = x, cost
+        if settled:
+            break
         slope = spread @ sparse.diags(small * np.cosh(x))
         weight = (1 / size)[:, None]
         x = smooth_fit(slope.tocsr(), (left + slope @ x)[:, None], smooth, smoothness, weight)[:, 0]
