@@ -1,0 +1,130 @@
+"""Devices made of lamps: their power is conserved, their parts stand and look where they should."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from interchange.camera import Camera, Lens, Sensor
+from interchange.exposure import responsivity
+from interchange.formats.usd_author import author_scene
+from interchange.formats.usd_read import SceneReader
+from interchange.frames import look_at
+from interchange.lamps import composite
+from interchange.lamps.placing import total_power
+from interchange.lamps.strobe import Strobe, strobed, strobed_series
+from interchange.light import Light, LightKind, Profile
+from interchange.power import emitted_power
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+
+theta = np.radians(np.linspace(0, 90, 91))
+NARROW = Profile(np.zeros(1), theta, np.cos(theta)[None] ** 20)
+CAMERA = Camera("/top", look_at(np.array([0.1, 0.2, 0.5]), np.array([0.1, 0.2, 0.0])))
+TILTED = look_at(np.array([0.1, -0.2, 0.3]), np.zeros(3))
+
+DEVICES = {
+    "ring": lambda: composite.ring(3.0, 0.04, 12, 0.5, world_from_lamp=TILTED),
+    "ring of narrow LEDs": lambda: composite.ring(3.0, 0.04, 12, 0.5, beam=NARROW),
+    "dark field": lambda: composite.dark_field_ring(3.0, 0.05),
+    "bar": lambda: composite.bar(3.0, 0.2, 0.02, world_from_lamp=TILTED),
+    "bar of LEDs": lambda: composite.bar(3.0, 0.2, 0.02, 2, 10, beam=NARROW, world_from_lamp=TILTED),
+    "line": lambda: composite.line(3.0, 0.3, 0.004, np.radians(8)),
+    "backlight": lambda: composite.backlight(3.0, 0.1, 0.1),
+    "coaxial": lambda: composite.coaxial(6.0, CAMERA, 0.05, 0.05),
+}
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_power_is_conserved(device: str) -> None:
+    lights = DEVICES[device]()
+    assert total_power(lights) == pytest.approx([3.0] * 3, rel=1e-6)
+    assert len({x.name for x in lights}) == len(lights)
+
+
+@pytest.mark.parametrize("hole", [0.0, 0.03])
+def test_a_domes_power_leaves_through_its_base(hole: float) -> None:
+    """L = P / (π² R² cos² θ_h)."""
+    (light,) = composite.dome(3.0, 0.1, hole)
+    assert emitted_power(light, area=np.pi * 0.1**2) == pytest.approx([3.0] * 3)
+    sine = hole / 0.2
+    # the hole's edge is 1e-5 rad wide
+    assert light.radiance == pytest.approx(3.0 / (np.pi**2 * 0.1**2 * (1 - sine**2)), rel=1e-5)
+    up, side = np.array([0.0, 0, -1]), np.array([np.sin(1.0), 0, -np.cos(1.0)])
+    assert light.shaping(up)[0] == (0.0 if hole else 1.0)
+    assert light.shaping(side)[0] == 1.0
+    assert light.shaping(-side)[0] == 0.0
+
+
+def test_a_rings_beams_cross_on_its_axis() -> None:
+    lights = composite.ring(1.0, 0.04, 8, tilt=np.radians(30))
+    for x in lights:
+        place, along = x.world_from_light[:3, 3], -x.world_from_light[:3, 2]
+        meet = place + along * 0.04 / np.sin(np.radians(30))
+        assert meet == pytest.approx([0, 0, -0.04 / np.tan(np.radians(30))], abs=1e-12)
+        assert np.linalg.det(x.world_from_light[:3, :3]) == pytest.approx(1)
+
+
+def test_dark_field_comes_in_flat() -> None:
+    for x in composite.dark_field_ring(1.0, 0.05, np.radians(12), 6):
+        assert x.world_from_light[2, 2] == pytest.approx(np.sin(np.radians(12)))
+    with pytest.raises(BrightfieldError, match="between 0 and 90 degrees"):
+        composite.dark_field_ring(1.0, 0.05, np.radians(95))
+
+
+def test_a_line_has_half_its_intensity_at_its_half_angle() -> None:
+    (light,) = composite.line(1.0, 0.3, 0.004, np.radians(8))
+    at = np.array([0, np.sin(np.radians(8)), -np.cos(np.radians(8))])
+    assert light.shaping(at)[0] * np.cos(np.radians(8)) == pytest.approx(0.5)
+
+
+def test_coaxial_light_runs_along_the_cameras_axis_both_ways() -> None:
+    (light,) = composite.coaxial(1.0, CAMERA, 0.05, 0.05, distance=0.1, reflectance=0.4)
+    assert -light.world_from_light[:3, 2] == pytest.approx(CAMERA.world_from_camera[:3, 2])
+    assert light.world_from_light[:3, 3] == pytest.approx([0.1, 0.2, 0.4])
+    assert total_power([light]) == pytest.approx([0.4] * 3)
+    assert not light.visible
+    for responsive in (100.0, 0.0):
+        sensor = Sensor(responsivity=responsive, quantum_efficiency=(0.5, 0.5, 0.5))
+        camera = replace(CAMERA, sensor=sensor, lens=Lens(f_stop=4.0))
+        behind = composite.through_splitter(camera, 0.6)
+        ratio = np.array(responsivity(behind.lens, behind.sensor)) / responsivity(camera.lens, camera.sensor)
+        assert ratio == pytest.approx(0.6)
+
+
+@given(start=st.floats(-1, 1), duration=st.floats(0, 1), t0=st.floats(-1, 1), t_exp=st.floats(0.01, 1))
+def test_a_strobes_share_is_its_overlap(start: float, duration: float, t0: float, t_exp: float) -> None:
+    overlap = max(0.0, min(start + duration, t0 + t_exp) - max(start, t0))
+    assert float(Strobe(start, duration).share(t_exp, t0)) == pytest.approx(overlap / t_exp, abs=1e-9)
+
+
+def test_flashes_that_repeat_add_up() -> None:
+    strobe = Strobe(0.001, 0.0002, period=0.001, overdrive=5.0)
+    assert float(strobe.share(0.010, 0.0)) == pytest.approx(1.0)  # 20 % of the time, five times as bright
+    single = sum(float(Strobe(0.001 * k, 0.0002, overdrive=5.0).share(0.0033, 0.0005)) for k in range(-3, 9))
+    assert float(strobe.share(0.0033, 0.0005)) == pytest.approx(single)
+    with pytest.raises(BrightfieldError, match="over before the next"):
+        Strobe(0, 0.2, period=0.1)
+
+
+def test_a_rolling_shutters_rows_see_parts_of_a_flash() -> None:
+    camera = Camera(sensor=Sensor((4, 10), line_time=1e-3), t_exp=2e-3)
+    rows = Strobe(4e-3, 1e-3).rows(camera)
+    assert rows == pytest.approx([0, 0, 0, 0.5, 0.5, 0, 0, 0, 0, 0])
+
+
+def test_strobes_become_time_samples() -> None:
+    lamps = tuple(Light(f"/World/{n}", LightKind.DISK, (3.0, 2.0, 1.0), radius=0.01) for n in "ab")
+    strobes = {"/World/a": Strobe(0.0, 0.001), "/World/b": Strobe(0.010, 0.002)}
+    scenes = strobed_series(Scene(lights=lamps), strobes, 0.002, [0.0, 0.005, 0.010])
+    assert [s.lights[0].intensity[0] for s in scenes] == pytest.approx([1.5, 0, 0])
+    assert [s.lights[1].intensity[0] for s in scenes] == pytest.approx([0, 0, 3])
+    assert scenes[0].lights[0].intensity == strobed(lamps[0], strobes["/World/a"], 0.002).intensity
+    reader = SceneReader(author_scene(scenes[0], frames=scenes[1:]), "strobe.usda")
+    for k, scene in enumerate(scenes):
+        for a, b in zip(scene.lights, reader.scene(float(k)).lights, strict=True):
+            assert b.intensity == pytest.approx(a.intensity, rel=1e-6)
+    with pytest.raises(BrightfieldError, match="No lamp is called /World/c"):
+        strobed_series(Scene(lights=lamps), {"/World/c": Strobe(0, 1)}, 1.0, [0.0])
