@@ -14,6 +14,7 @@ import numpy as np
 from interchange.problems import FileError, Problem, Where, did_you_mean
 
 MOST_BYTES = 16 << 20
+MOST_YAML = 2 << 20  # bytes; PyYAML reads some 100 kB a second
 MOST_NODES = 200_000
 DEEPEST = 20
 
@@ -112,6 +113,9 @@ def read_yaml(path: Path) -> Entry:
     import yaml
 
     text = re.sub(r"\A\s*%YAML[: ]1\.\d[^\n]*", "", read_text(path))
+    if len(text) > MOST_YAML:
+        message = f"A calibration in YAML must be smaller than {MOST_YAML >> 20} MiB."
+        raise FileError(Problem(message, Where(str(path))))
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:

@@ -146,6 +146,25 @@ def test_the_command_writes_scene_numbers_and_report(tmp_path, capsys):
     assert again.lens.distortion == pytest.approx(camera.lens.distortion, rel=1e-5)
 
 
+def test_a_rig_by_the_command_goes_into_a_scene(tmp_path, capsys):
+    """Two cameras with the same pictures are one camera twice; the scene's own camera of one name is replaced."""
+    pictures = [str(p) for p in PICTURES[:4]]
+    scene, out = tmp_path / "planned.usda", tmp_path / "out.usda"
+    scene.write_text(
+        '#usda 1.0\n(\n defaultPrim = "Hall"\n metersPerUnit = 1\n upAxis = "Z"\n)\ndef Xform "Hall"\n{\n'
+        ' def Camera "left" {}\n def Camera "spare" {}\n def Cube "Part" {}\n}\n'
+    )
+    cameras = ["--camera", "left", *pictures, "--camera", "right", *pictures[::-1]]
+    board = ["--board", "chessboard", "--size", "9x6", "--pitch", "25", "--model", "4"]
+    assert main(["calibrate", *cameras, *board, "--scene", str(scene), "--out", str(out)]) == 0
+    assert "right t_x" in capsys.readouterr().out
+    found = {c.name: c for c in open_scene(out).scene().cameras}
+    assert set(found) == {"/Hall/left", "/Hall/right", "/Hall/spare"}
+    assert pytest.approx(found["/Hall/right"].K, rel=1e-6) == found["/Hall/left"].K
+    between = found["/Hall/right"].camera_from_world @ found["/Hall/left"].world_from_camera
+    assert between == pytest.approx(np.eye(4), abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

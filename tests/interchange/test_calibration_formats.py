@@ -298,8 +298,11 @@ def test_a_bomb_of_aliases_is_one_error(tmp_path):
         opened(tmp_path, "a.yaml", "a: &a [*a]\n")
     with pytest.raises(FileError, match=r"deep|not YAML"):
         opened(tmp_path, "a.yaml", "[" * 5000)
-    with pytest.raises(FileError, match="one Python dictionary"):
-        opened(tmp_path, "a.cameramodel", "(" * 5000)
+    for nested in ("(" * 5000, "-" * 100_000 + "1", "{'lensmodel': " + "-" * 5000 + "1}"):
+        with pytest.raises(FileError, match=r"Python dictionary|plain numbers"):
+            opened(tmp_path, "a.cameramodel", nested)
+    with pytest.raises(FileError, match="smaller than 2 MiB"):
+        opened(tmp_path, "a.yaml", "a: 1\n" * 500_000)
 
 
 @settings(max_examples=60, deadline=None)
