@@ -42,7 +42,10 @@ def read(path: Path | str) -> Measurement:
         raise FileError(Problem("The file is empty.", where))
     if path.suffix.lower() == ".brdf":
         return _brdf(text, path)
-    return _table(text, path)
+    table = _table(text, path)
+    if path.suffix.lower() == ".astm" and table.kind is not Kind.BRDF:
+        raise FileError(Problem("An .astm file must hold a BRDF: VARS that name its angles, and rows.", where))
+    return table
 
 
 def _numbers(text: str, path: Path) -> tuple[np.ndarray, list[int], tuple[str, ...]]:
