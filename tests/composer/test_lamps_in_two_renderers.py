@@ -10,6 +10,7 @@ from interchange.brdf.lambert import Lambert
 from interchange.camera import Camera, Lens, Projection, Sensor
 from interchange.formats import gprims, photometry
 from interchange.frames import look_at
+from interchange.lamps import composite
 from interchange.lamps.reflector import ReflectorDevice
 from interchange.light import Light, LightKind
 from interchange.material import Material
@@ -156,3 +157,39 @@ def test_a_rod_at_the_focus_throws_its_shadow_away_from_the_light(cycles, raster
         tip = p[dark].mean(axis=0)
         assert np.arctan2(-tip[1], -tip[0]) == pytest.approx(phi, abs=0.1)
         assert np.hypot(*tip[:2]) == pytest.approx((0.001 + height * np.tan(theta)) / 2, rel=0.15)
+
+
+@pytest.mark.parametrize("hole", [0.0, 0.06])
+def test_a_dome_lights_its_centre(cycles, rasterizer, hole: float) -> None:
+    """E = π L cos² θ_h: what leaves the base, over its area."""
+    lights = composite.dome(2.0, 0.1, hole)
+    for E in both(cycles, rasterizer, plane(lights), above(0.01, 16), 256):
+        # 1024 directions over a sphere, of which the horizon and the edge of the hole cut some
+        assert E.mean() == pytest.approx(2.0 / (np.pi * 0.1**2), rel=0.015)
+
+
+def test_a_ring_lights_its_axis(cycles, rasterizer) -> None:
+    """Σ I cos α cos θ / d² of small Lambertian disks, tilted by 30° towards the axis."""
+    tilt, radius, height = np.radians(30), 0.05, 0.06
+    lights = composite.ring(1.2, radius, 8, tilt, led_radius=1e-3, world_from_lamp=at(0, 0, height))
+    d = np.hypot(radius, height)
+    cos_theta = height / d
+    cos_alpha = np.cos(np.arctan2(radius, height) - tilt)
+    expected = 1.2 / np.pi * cos_alpha * cos_theta / d**2
+    for E in both(cycles, rasterizer, plane(lights), above(1e-4, 8), 16):
+        assert E.mean() == pytest.approx(expected, rel=3e-3)
+
+
+def test_a_backlight_shows_what_stands_before_it(cycles, rasterizer) -> None:
+    """The camera sees the face's own radiance beside a black disk, and black where it stands."""
+    up = at(0, 0, -0.01) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    lights = composite.backlight(0.5, 0.1, 0.1, world_from_lamp=up)
+    part = Body("/part", gprims.plane(0.02, 0.02), Material("black", Lambert(0.0)))
+    scene = Scene((part,), lights)
+    camera = above(0.04, 32)
+    L = 0.5 / (np.pi * 0.1**2)
+    inside = np.abs(plane_points(camera)[..., :2]).max(axis=-1)
+    for E in both(cycles, rasterizer, scene, camera, 16):
+        seen = E * RHO / np.pi
+        assert seen[inside > 0.011] == pytest.approx(L, rel=1e-4)
+        assert seen[inside < 0.009] == pytest.approx(0, abs=1e-6)
