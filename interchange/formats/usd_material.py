@@ -118,7 +118,18 @@ class _Reader:
                 maps[word] = texture
             elif value is not None:
                 values[word] = value
+        self._fill(model, values, maps)
         return Material(brdf=self._build(model, values, prim), maps=maps)
+
+    @staticmethod
+    def _fill(model: type[Brdf], values: dict[str, Any], maps: dict[str, Texture]) -> None:
+        """Give a textured parameter of the lobes as many entries as the others have; the texture replaces them."""
+        per_lobe = {name: about for name, about in parameters(model).items() if about.per_lobe}
+        lobes = max((len(values[name]) for name in per_lobe if name in values), default=1)
+        for name in per_lobe.keys() & maps.keys():
+            about = per_lobe[name]
+            middle = (about.low + about.high) / 2
+            values[name] = [middle if about.kind is Kind.FLOAT else (middle,) * 3] * lobes
 
     def _sum(self, shader: UsdShade.Shader) -> Material:
         """weight0, part0, weight1, part1 ...: every part is a shader that is connected."""
