@@ -17,6 +17,7 @@ from interchange.bands import each_band
 BORDER = cv2.BORDER_REPLICATE
 AIRY_REACH = 8.0  # kernel radius in units of λN; the 2.5 % of light that lie outside are folded back
 MOST_AIRY = 160  # px
+RIM = 1e-4  # of the light, that one ring of a combined kernel may be left out with
 SEPARABLE_ERROR = 1e-3  # of a kernel's norm, that its sum of separable kernels may miss
 
 
@@ -63,6 +64,8 @@ def _combined(kernels: tuple[tuple[bytes, tuple[int, int]], ...]) -> np.ndarray:
     out = np.ones((1, 1))
     for data, shape in kernels:
         out = convolve2d(out, np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
+    while len(out) > 3 and abs(1 - out[1:-1, 1:-1].sum() / out.sum()) < RIM:
+        out = out[1:-1, 1:-1]
     return np.ascontiguousarray(out / out.sum(), np.float32)
 
 

@@ -1,6 +1,8 @@
 """The curve from the linear DN to that of the image that leaves the camera, and its bits.
 
-y = (2^b_out - 1) curve(x)^γ... see ``curve``,   x = DN / (2^b - 1)
+    DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(x^γ)),   x = (DN - black) / (2^b - 1 - black)
+
+Below black, where noise reaches, the curve goes on point-symmetrically.
 """
 
 from dataclasses import dataclass, replace
@@ -46,7 +48,7 @@ class ResponseCurve(Effect):
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth
-        table = _table(self, bits, self.bits_out or bits)
+        table = _table(self, bits, self.bits_out or bits, camera.sensor.black_level)
         from interchange import kernels  # Numba comes with it
 
         flat = np.ascontiguousarray(image.pixels).reshape(-1)
@@ -63,8 +65,10 @@ class ResponseCurve(Effect):
 
 
 @lru_cache(maxsize=8)
-def _table(curve: ResponseCurve, bits: int, bits_out: int) -> np.ndarray:
+def _table(curve: ResponseCurve, bits: int, bits_out: int, black: float) -> np.ndarray:
     """The output DN of every linear one."""
-    x = np.arange(2**bits) / (2**bits - 1)
-    y = np.clip(np.rint(curve.curve(x) * (2**bits_out - 1)), 0, 2**bits_out - 1)
-    return np.asarray(y, np.float32)
+    top = 2**bits - 1
+    x = (np.arange(top + 1) - black) / (top - black)
+    y = black + (top - black) * np.sign(x) * curve.curve(np.minimum(np.abs(x), 1))
+    y *= (2**bits_out - 1) / top
+    return np.asarray(np.clip(np.rint(y), 0, 2**bits_out - 1), np.float32)

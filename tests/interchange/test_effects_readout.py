@@ -95,6 +95,15 @@ def test_a_table_is_linear_between_its_entries_and_gamma_comes_before():
     assert dn == pytest.approx(0.55 * 4095, abs=1)
 
 
+def test_a_curve_leaves_black_where_it_is():
+    c = station(bit_depth=12, black_level=160, response="sRGB", output_bit_depth=8)
+    dark = expose(even(0 * COLOR), c).pixels
+    assert np.ptp(dark) == 0
+    assert dark[0, 0, 0] == round(160 * 255 / 4095)
+    grey = expose(even(np.full(3, 0.214)), c).pixels[0, 0, 0]
+    assert grey == pytest.approx((160 + (4095 - 160) * 0.5) * 255 / 4095, abs=0.6)
+
+
 def test_fewer_bits_out_than_the_converter_has():
     dn = expose(even(), station(bit_depth=12, output_bit_depth=8)).pixels[0, 0]
     assert dn == pytest.approx(COLOR * 255, abs=0.5 + 0.5 * 255 / 4095)
