@@ -174,7 +174,7 @@ def round_trip(views: int) -> list[str]:
             row("rasteriser", board, "5", 640, lambda s, c: live.render(s, c, samples=64).pixels)
     settings = CyclesSettings(samples=32, max_bounces=0)
     with Cycles() as cycles:
-        for name in ("5", "tilt", "fisheye"):
+        for name in ("5", "fisheye"):
             row("path tracer", BOARDS[0], name, 320, lambda s, c: cycles.render(s, c, settings).pixels)
     return [
         "## Round trip",

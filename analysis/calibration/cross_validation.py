@@ -4,8 +4,8 @@ Each half is calibrated alone. Where half A sees a pixel, half B looks at the sa
 body to where it fits best, weighted by what is known, for the two halves' worlds are not one. Differences as large as
 the uncertainty predicts confirm it; larger ones are a model that is too simple, a board that is not flat, or blur.
 
-Kogan: mrcal, cross-validation. The numbers also meet a test: dᵀ (Σ_A + Σ_B)⁻¹ d of the lens parameters' difference d
-has a χ² distribution.
+Kogan: mrcal, cross-validation. A χ² of the differences, by the covariance that the uncertainty predicts for them, says
+how probable they are.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,12 @@ from scipy.stats import chi2
 
 from analysis.calibration.calibration import Calibration, calibrate
 from analysis.calibration.start import matrix
-from analysis.calibration.uncertainty import grid, projection_uncertainty
+from analysis.calibration.uncertainty import gradient, grid, projection_uncertainty
 from interchange.problems import BrightfieldError
 
 AGREES = 0.01  # probability of a larger χ², below which halves are said to disagree
+POINTS = 10  # along a side of the image, of those that are tested
+EXPLAINED = 0.99  # share of the covariance that is tested
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +61,53 @@ class CrossValidation:
 def cross_validate(calibration: Calibration, c: int = 0) -> CrossValidation:
     """Every other moment against the rest. Raises BrightfieldError where a half has fewer than three images."""
     halves = split(calibration)
-    a, b = halves
-    d, Sigma, places = _difference(a, b, c)
-    size = np.sqrt(np.diag(Sigma))
-    scaled = Sigma / np.outer(size, size)
-    statistic = float((d / size) @ np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) @ (d / size))
     pixels = grid(calibration.observations.resolutions[c])
     distance = calibration.distance
     own = [projection_uncertainty(h, c, pixels, distance) for h in halves]
     expected = np.sqrt(own[0].rms ** 2 + own[1].rms ** 2)
-    difference = projection_difference(a, b, c, pixels, distance, 1 / expected)
-    return CrossValidation(
-        pixels, difference, expected, covered(calibration, c, pixels), statistic, len(places), halves
+    difference = projection_difference(*halves, c, pixels, distance, 1 / expected)
+    seen = covered(calibration, c, pixels)
+    some = np.zeros_like(seen)
+    some[:: max(1, len(seen) // POINTS), :: max(1, seen.shape[1] // POINTS)] = True
+    some &= seen & np.isfinite(difference).all(-1)
+    statistic, degrees = significance(
+        *halves, c, pixels[some], difference[some], 1 / expected[some], distance
     )
+    return CrossValidation(pixels, difference, expected, seen, statistic, degrees, halves)
+
+
+def significance(
+    a: Calibration,
+    b: Calibration,
+    c: int,
+    pixels: np.ndarray,
+    difference: np.ndarray,
+    weights: np.ndarray,
+    distance: float,
+) -> tuple[float, int]:
+    """χ² of differences (n, 2) px at pixels (n, 2), and its degrees of freedom.
+
+    The differences' covariance, less what a rigid motion takes away, has few directions of any size: as many as
+    explain ``EXPLAINED`` of it are tested. So numbers of a lens that trade with each other count by what they do.
+    """
+    C = 0.0
+    for half in (a, b):
+        G = gradient(half, c, _own_rays(half, c, pixels), distance).reshape(2 * len(pixels), -1)
+        C = C + G @ half.covariance @ G.T
+    _, _, motion = a.bundle.project(a.theta, c, distance * _own_rays(a, c, pixels), np.zeros(3), np.zeros(3))
+    J, w = motion.reshape(-1, 6), np.repeat(weights, 2)[:, None]
+    rest = np.eye(len(J)) - J @ np.linalg.pinv(J * w) * w.T
+    values, vectors = np.linalg.eigh(rest @ C @ rest.T)
+    values, vectors = values[::-1], vectors[:, ::-1]
+    count = int(np.searchsorted(np.cumsum(values) / values.sum(), EXPLAINED)) + 1
+    along = vectors[:, :count].T @ (rest @ difference.ravel())
+    return float((along**2 / values[:count]).sum()), count
+
+
+def _own_rays(calibration: Calibration, c: int, pixels: np.ndarray) -> np.ndarray:
+    """(n, 3) unit, in the camera's own frame."""
+    camera = calibration.camera(c)
+    return np.asarray(camera.rays(pixels)[1] @ camera.world_from_camera[:3, :3])
 
 
 def split(calibration: Calibration) -> tuple[Calibration, Calibration]:
@@ -95,22 +131,13 @@ def split(calibration: Calibration) -> tuple[Calibration, Calibration]:
     return found[0], found[1]
 
 
-def _difference(a: Calibration, b: Calibration, c: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    places = a.bundle.of_camera(c)
-    both = a.covariance[np.ix_(places, places)] + b.covariance[np.ix_(places, places)]
-    known = ~(a.loose[places] | b.loose[places])
-    places = places[known]
-    return a.theta[places] - b.theta[places], both[np.ix_(known, known)], places
-
-
 def projection_difference(
     a: Calibration, b: Calibration, c: int, pixels: np.ndarray, distance: float, weights: np.ndarray
 ) -> np.ndarray:
     """(h, w, 2) px: where ``b`` sees the points that ``a`` sees at ``pixels`` at ``distance`` m, minus ``pixels``,
     after the rigid motion between the two that makes it least, with ``weights`` (h, w)."""
     flat, w = pixels.reshape(-1, 2), weights.reshape(-1)
-    _, ray = a.camera(c).rays(flat)
-    ray = ray @ np.linalg.inv(a.camera(c).world_from_camera)[:3, :3].T
+    ray = _own_rays(a, c, flat)
     good = np.isfinite(ray).all(axis=-1) & np.isfinite(w)
     points = ray[good] * (distance if np.isfinite(distance) else 1.0)
 

@@ -142,3 +142,8 @@ def test_a_camera_that_cannot_see_the_whole_board_is_told():
     tight = replace(camera("5", 160), sensor=Sensor((160, 8), (1e-5, 1e-5)))
     with pytest.raises(BrightfieldError, match="whole board"):
         views_of(Chessboard(9, 6, 0.025), tight, 2, np.random.default_rng(0))
+
+
+def test_a_staggered_grid_with_even_rows_is_refused():
+    with pytest.raises(BrightfieldError, match="odd number of rows"):
+        AsymmetricCircles(4, 10, 0.04)

@@ -22,6 +22,10 @@ class AsymmetricCircles(Board):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.rows % 2 == 0:
+            raise BrightfieldError(
+                f"A staggered grid must have an odd number of rows, else its ends look alike; got {self.rows}."
+            )
         if not 0 < self.diameter < 0.7:
             raise BrightfieldError(
                 f"Discs must not touch: diameter / spacing below 0.7; got {self.diameter:g}."

@@ -8,7 +8,10 @@ from analysis.calibration.boards.base import Detection
 
 
 def found(image: np.ndarray, shape: tuple[int, int], kind: int) -> Detection | None:
-    """Dark discs on white: cv2.findCirclesGrid with blobs of any size."""
+    """Dark discs on white: cv2.findCirclesGrid with blobs of any size.
+
+    ``shape``: columns and rows. OpenCV begins at any corner; rows are turned so that the board is seen from its front.
+    """
     settings = cv2.SimpleBlobDetector.Params()
     settings.minArea, settings.maxArea = 9.0, image.size / 16
     settings.minDistBetweenBlobs = 3.0
@@ -18,7 +21,11 @@ def found(image: np.ndarray, shape: tuple[int, int], kind: int) -> Detection | N
     for extra in (0, cv2.CALIB_CB_CLUSTERING):
         ok, centres = cv2.findCirclesGrid(image, shape, flags=kind | extra, blobDetector=blobs)
         if ok:
-            pixels = centroids(image, np.asarray(centres, np.float64).reshape(-1, 2))
+            grid = np.asarray(centres, np.float64).reshape(shape[1], shape[0], 2)
+            right, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+            if right[0] * down[1] < right[1] * down[0]:  # counted as if seen from behind
+                grid = grid[::-1]
+            pixels = centroids(image, grid.reshape(-1, 2))
             return Detection(np.arange(len(pixels)), pixels)
     return None
 
