@@ -110,6 +110,10 @@ def parse(data: bytes, file_bytes: int) -> Header:
     missing = [n for n in REQUIRED if n not in first]
     if missing:
         raise _Damaged(f"its header has no {', '.join(missing)}")
+    channels, compression = first["channels"], first["compression"]
+    right = isinstance(channels, tuple) and all(isinstance(c, Channel) for c in channels)
+    if not right or not isinstance(compression, str):
+        raise _Damaged("its channels or its compression are of another type")
     deep = bool(flags & 0x800) or str(first.get("type", "")).startswith("deep")
     tiled = bool(flags & 0x200) or str(first.get("type", "")).endswith(("tiledimage", "deeptile"))
     known = {*REQUIRED, "type", "name", "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth"}
