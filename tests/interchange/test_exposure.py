@@ -14,6 +14,7 @@ from interchange.effects.sensor_noise import EXACT_BELOW
 from interchange.effects.vignetting import Vignetting
 from interchange.exposure import LIGHT, PLANCK, expose, responsivity
 from interchange.image import Image, Quantity
+from interchange.parameter import parameters
 from interchange.problems import BrightfieldError
 
 
@@ -279,3 +280,48 @@ def test_an_effect_by_default_is_not_there_and_changes_nothing(model):
 def test_an_effect_says_where_it_comes_from(model):
     assert len(model.source) > 20
     assert model.stage.name in ("OPTICS", "SENSOR", "READOUT", "SCENE", "MATERIAL")
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS.keys())
+@given(data=st.data())
+@settings(max_examples=20, deadline=None)
+def test_a_camera_carries_an_effect_there_and_back(model, data):
+    """What a diagnosis finds is written into the camera and read from it again, number by number."""
+    words = {
+        "serial_number": "A7",
+        "pattern": "GRBG",
+        "method": "edge_aware",
+        "response": "sRGB",
+        "bits_out": 8,
+    }
+    whole = {"bits": 8, "quality": 60, "black_level": 17}
+    values = {}
+    for name, about in parameters(model).items():
+        number = st.floats(about.low, about.high)
+        drawn = data.draw(st.lists(number, min_size=about.kind.width, max_size=about.kind.width))
+        values[name] = whole.get(name, drawn if about.kind.width > 1 else drawn[0])
+    values |= {k: v for k, v in words.items() if k in model.__dataclass_fields__}
+    effect = model(**values)
+    back = model.of(effect.on(station(bit_depth=8)))
+    for name in model.carried_by or ("red", "green", "blue") * (model.__name__ == "ColorCorrection"):
+        assert getattr(back, name) == getattr(effect, name), name
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS.values() if m.stage.name == "OPTICS"])
+def test_optics_are_linear_in_light(model):
+    """Superposition, which is what lets a diagnosis add up light from several lamps."""
+    drawn = {n: 0.3 * p.high if p.high <= 1 else min(2.0, 0.3 * p.high) for n, p in parameters(model).items()}
+    effect = model(**{**drawn, **({"u": 3.0, "v": 1.0} if "u" in drawn else {})})
+    c = station()
+    rng = np.random.default_rng(0)
+    a, b = (
+        Image(rng.uniform(0, 1, (48, 64, 3)).astype(np.float32), passes=depth_and_motion()) for _ in range(2)
+    )
+    both = effect.apply(replace(a, pixels=2 * a.pixels + b.pixels), c, None).pixels
+    apart = 2 * effect.apply(a, c, None).pixels + effect.apply(b, c, None).pixels
+    assert both == pytest.approx(apart, abs=2e-5)
+
+
+def depth_and_motion():
+    slope = np.broadcast_to(np.linspace(0.5, 2.0, 64, dtype=np.float32), (48, 64))
+    return {"depth": slope, "motion": np.full((48, 64, 2), 1.5, np.float32)}
