@@ -20,8 +20,8 @@ direction = (sin(π v) sin λ, cos(π v), sin(π v) cos λ), λ = π (1 - 2 u). 
 upright for whoever looks into the lamp with +y up: its top-left pixel lies at (+x, +y), its bottom-right one at
 (-x, -y) of the light's frame. Both textures multiply the emission, pixel by pixel (RGB, linear).
 
-Shaping (UsdLux 24.11): a cone around -z, ``focus``, and a measured profile multiply the emission by a factor
-that depends on its direction in the light's frame, ``shaping``.
+Shaping (UsdLux 24.11): a cone around -z, ``focus``, and a measured profile or a projected image multiply the
+emission by a factor that depends on its direction in the light's frame, ``shaping``.
 """
 
 from dataclasses import dataclass, field
@@ -32,6 +32,7 @@ from scipy.integrate import trapezoid
 
 from interchange.material import Texture
 from interchange.problems import Where
+from interchange.projector import Projector
 
 Color = tuple[float, float, float]
 
@@ -98,6 +99,7 @@ class Light:
     focus_tint: Color = (0.0, 0.0, 0.0)
     profile: Profile | None = None  # scaled, where the file asks for it, to a mean of 1 over all directions
     profile_angle_scale: float = 0.0
+    projector: Projector | None = None  # instead of a profile; of a sphere without extent
     texture: Texture | None = None  # rect: over the face; dome: latitude-longitude
     casts_shadows: bool = True
     visible: bool = False  # seen by the camera itself
@@ -130,6 +132,11 @@ class Light:
             return np.nan_to_num(np.asarray(self.intensity) / self.projected_area, nan=0.0, posinf=np.inf)
 
     @property
+    def beam(self) -> Profile | Projector | None:
+        """What tells the emission apart by direction."""
+        return self.projector or self.profile
+
+    @property
     def is_on(self) -> bool:
         return any(x > 0 for x in self.intensity)
 
@@ -150,6 +157,8 @@ class Light:
             angle = theta / scale if scale > 0 else (theta - np.pi) / -scale + np.pi if scale < 0 else theta
             phi = np.arctan2(direction[..., 1], direction[..., 0])
             factor = factor * self.profile.evaluate(angle, phi)[..., None]
+        if self.projector is not None:
+            factor = factor * self.projector.evaluate(direction)
         return factor
 
 

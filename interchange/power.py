@@ -4,7 +4,7 @@
 
 | kind         | g(ω)                          | Φ of a lamp without shaping       |
 |--------------|-------------------------------|-----------------------------------|
-| sphere       | 1                             | 4π I                              |
+| sphere       | 1                             | 4π I, or that of a projector      |
 | disk, rect   | cos θ on the side of -z       | π I = π L A                       |
 | cylinder     | sine of the angle to x        | π² I = π L · 2π r l (no caps)     |
 | distant      | power through an area         | E A on a plane that faces it      |
@@ -16,6 +16,8 @@ lumens a lamp needs a spectrum: Φ_v = K Φ_e with K of ``colorimetry.luminous_e
 """
 
 from dataclasses import replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.special import roots_legendre
@@ -28,9 +30,12 @@ from interchange.spectrum import Spectrum
 
 Color = tuple[float, float, float]
 WHITE = (1.0, 1.0, 1.0)
+DECIDES = ("kind", "cone_angle", "cone_softness", "focus", "focus_tint", "profile", "profile_angle_scale")
+DECIDES += ("projector", "texture")
 NODES = 8  # of a piece
 RINGS = 48  # pieces from axis to axis, where neither cone nor profile asks for more
 FACE = 256  # rows and columns at which a face's texture is summed up
+PLANE = 1024  # and a projector's image
 
 
 def emitted_power(light: Light, area: float | None = None) -> np.ndarray:
@@ -49,24 +54,32 @@ def power_per_intensity(light: Light, area: float | None = None) -> np.ndarray:
         raise BrightfieldError(
             f"The power of a {light.kind.value} light {need}. ({light.where or light.name})"
         )
+    return _per_unit(*(getattr(light, name) for name in DECIDES)) * (area if area is not None else 1.0)
+
+
+@lru_cache(maxsize=256)
+def _per_unit(*about: Any) -> np.ndarray:
+    """(3,) W, or W/m² on a plane, by all that decides it: ``DECIDES``. The lamp's size does not."""
+    light = Light("", intensity=WHITE, **dict(zip(DECIDES, about, strict=True)))
     if light.kind is LightKind.DISTANT:
-        return np.full(3, float(area or 0.0)) * light.shaping(np.array([0.0, 0.0, -1.0]))
+        return np.ones(3) * light.shaping(np.array([0.0, 0.0, -1.0]))
+    if light.projector is not None:
+        return _projected(light)
     weight, direction = directions(light)
-    cosine = -direction[..., 2]
     match light.kind:
         case LightKind.SPHERE:
-            g = np.ones_like(cosine)
+            g = np.ones(weight.shape)
         case LightKind.CYLINDER:
             g = np.sqrt(np.maximum(1 - direction[..., 0] ** 2, 0.0))
         case _:
-            g = np.maximum(cosine, 0.0)
+            g = np.maximum(-direction[..., 2], 0.0)
     value = light.shaping(direction)
     if light.texture is not None and light.kind is LightKind.DOME:
         value = value * _dome_texture(light, direction)
     total = np.einsum("ij,ij,ijc->c", weight, g, value)
     if light.texture is not None and light.kind is LightKind.RECT:
         total = total * _face_mean(light)
-    return np.asarray(total * (area if area is not None else 1.0))
+    return np.asarray(total)
 
 
 def intensity_from_power(
@@ -149,6 +162,19 @@ def directions(light: Light) -> tuple[np.ndarray, np.ndarray]:
         axis=-1,
     )
     return theta_weight[:, None] * phi_weight * sine, direction
+
+
+def _projected(light: Light) -> np.ndarray:
+    """(3,) over the image plane (x, y) at distance 1, where dω = dx dy / (1 + x² + y²)^1.5."""
+    assert light.projector is not None
+    border = light.projector.border()
+    low, high = (np.array(f(border[:, :2] / -border[:, 2:], axis=0)) for f in (np.min, np.max))
+    steps = [(np.arange(PLANE) + 0.5) / PLANE * (high[i] - low[i]) + low[i] for i in (0, 1)]
+    x, y = np.meshgrid(*steps)
+    direction = np.stack([x, y, -np.ones_like(x)], axis=-1)
+    length = np.linalg.norm(direction, axis=-1, keepdims=True)
+    cell = np.prod(high - low) / PLANE**2
+    return np.sum(light.shaping(direction / length) / length**3, axis=(0, 1)) * cell
 
 
 def _pieces(edges: np.ndarray, nodes: int) -> tuple[np.ndarray, np.ndarray]:

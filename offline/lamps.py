@@ -41,6 +41,10 @@ def pack(lights: Sequence[Light]) -> list[float]:
             profile = first + len(tables)
             q = light.profile
             tables += [len(q.horizontal), len(q.vertical), *q.horizontal, *q.vertical, *q.candela.ravel()]
+        if light.projector is not None:
+            profile = -2.0 - (first + len(tables))
+            tables += [textures, *light.projector.numbers()]
+            textures += 1
         if light.texture is not None:
             texture, textures = float(textures), textures + 1
             if light.kind is LightKind.DOME:
@@ -78,12 +82,13 @@ def features(lights: Sequence[Light]) -> dict[str, bool]:
         "HAS_DOME": LightKind.DOME in kinds,
         "HAS_SHAPING": any(map(is_shaped, lights)),
         "HAS_PROFILE": any(x.profile is not None for x in lights),
-        "HAS_TEXTURE": any(x.texture is not None for x in lights),
+        "HAS_PROJECTOR": any(x.projector is not None for x in lights),
+        "HAS_TEXTURE": any(x.texture is not None or x.projector is not None for x in lights),
     }
 
 
 def is_shaped(light: Light) -> bool:
-    return light.cone_angle < np.pi or light.cone_softness > 0 or light.focus > 0 or light.profile is not None
+    return light.cone_angle < np.pi or light.cone_softness > 0 or light.focus > 0 or light.beam is not None
 
 
 def dome_table(texture: Texture) -> list[float]:
@@ -105,15 +110,24 @@ def dome_table(texture: Texture) -> list[float]:
     return [DOME_ROWS, DOME_COLUMNS, *(marginal / marginal[-1]), *conditional.ravel()]
 
 
+def pictures(lights: Sequence[Light]) -> list[tuple[Texture, str, str]]:
+    """The lamps' images, in the order in which ``pack`` counts them, and how each goes on across and down."""
+    found = []
+    for light in lights:
+        if light.projector is not None:
+            found.append((light.projector.image, "black", "black"))
+        if light.texture is not None:
+            found.append((light.texture, "periodic" if light.kind is LightKind.DOME else "clamp", "clamp"))
+    return found
+
+
 def texture_function(lights: Sequence[Light], file_of: Callable[[Texture], str]) -> str:
-    """OSL's ``color lamp_texture(int k, float s, float t)``: the k-th textured lamp's image, t down."""
+    """OSL's ``color lamp_texture(int k, float s, float t)``: the lamps' k-th image, t down."""
     lines = []
-    for k, light in enumerate(x for x in lights if x.texture is not None):
-        assert light.texture is not None
-        wrap = "periodic" if light.kind is LightKind.DOME else "clamp"
-        kind = "float" if light.texture.pixels.shape[2] == 1 else "color"
-        wrapped = f'"swrap", "{wrap}", "twrap", "clamp"'
-        call = f'({kind})texture("{file_of(light.texture)}", s, t, 0, 0, 0, 0, "interp", "linear", {wrapped})'
+    for k, (texture, s, t) in enumerate(pictures(lights)):
+        kind = "float" if texture.pixels.shape[2] == 1 else "color"
+        wrapped = f'"swrap", "{s}", "twrap", "{t}"'
+        call = f'({kind})texture("{file_of(texture)}", s, t, 0, 0, 0, 0, "interp", "linear", {wrapped})'
         lines.append(f"if (k == {k}) c = {call};")
     body = "\n    ".join(lines)
     return (

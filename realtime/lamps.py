@@ -32,14 +32,14 @@ class Sample:
     direction: np.ndarray
 
 
-def rows(mode: str, shaped: bool, focused: bool, profiled: bool, faces: int) -> tuple[int, ...]:
+def rows(mode: str, shaped: bool, focused: bool, beam: str, faces: int) -> tuple[int, ...]:
     """The rows that the shader reads of a record with ``faces`` shadow maps; those that it finds by the face left
     out."""
     found = {0, POWER}
     found |= {"SPHERE": {2, 3, 4}, "PLANAR": {4}, "CYLINDER": {2}}.get(mode, set())
-    found |= {2, 3, 4} if profiled else {4} if shaped else set()
+    found |= {2, 3, 4} if beam else {4} if shaped else set()
     found |= {6} if focused else set()
-    if shaped and (profiled or focused or faces != 1):
+    if shaped and (beam or focused or faces != 1):
         found.add(CONE)
     if faces:
         found.add(SHADOW)
@@ -66,9 +66,12 @@ def is_extended(light: Light) -> bool:
 
 
 def is_shaped(light: Light) -> bool:
-    return (
-        light.cone_angle < np.pi or light.cone_softness > 0 or light.focus != 0 or light.profile is not None
-    )
+    return light.cone_angle < np.pi or light.cone_softness > 0 or light.focus != 0 or light.beam is not None
+
+
+def beam(light: Light) -> str:
+    """What the shader calls the way in which a lamp's emission depends on direction; none for a plain one."""
+    return "PROJECTED" if light.projector is not None else "PROFILED" if light.profile is not None else ""
 
 
 def samples(light: Light, index: int, rounds: int, origin: np.ndarray) -> list[list[Sample]]:

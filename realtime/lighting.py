@@ -12,7 +12,7 @@ from realtime import materials, stencil, visible_lamps
 from realtime.bodies import Bodies
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
-from realtime.lamps import MAPS, POWER, Sample, is_shaped, rows
+from realtime.lamps import MAPS, POWER, Sample, beam, is_shaped, rows
 from realtime.lens import Lensmap
 from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
@@ -41,7 +41,7 @@ UNITS = {
 SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 7, 11, 16
 
 
-Signature = tuple[str, bool, bool, bool, int]
+Signature = tuple[str, bool, bool, str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +54,13 @@ class Lit:
 
     @property
     def signature(self) -> Signature:
-        """Points of one signature are lit by one program: mode, shaped, focused, with a profile, shadow maps."""
+        """Points of one signature are lit by one program: mode, shaped, focused, beam, shadow maps."""
         light = self.sample.light
         return (
             self.sample.mode,
             is_shaped(light),
             light.focus != 0,
-            light.profile is not None,
+            beam(light),
             len(self.frusta),
         )
 
@@ -311,12 +311,12 @@ class LightingStage:
         for i, texture in enumerate(maps):
             texture.use(SHADOW_UNIT + i)
         for i, point in enumerate(chunk):
-            if point.sample.light.profile is not None:
-                self.uploads.profile(point.sample.light.profile).texture.use(PROFILE_UNIT + i)
+            if (shown := point.sample.light.beam) is not None:
+                self.uploads.beam(shown).texture.use(PROFILE_UNIT + i)
 
     def _program(self, layer: Layer, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
         buffer, drawn, pick = layer.buffer, layer.drawn, layer.pick
-        signature = chunk[0].signature if chunk else ("NONE", False, False, False, 0)
+        signature = chunk[0].signature if chunk else ("NONE", False, False, "", 0)
         uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
         key = (
             lit or group.key,
@@ -342,7 +342,7 @@ class LightingStage:
         lit: bool,
         pick: bool,
     ) -> moderngl.Program:
-        mode, shaped, focused, profiled, faces = signature
+        mode, shaped, focused, by_direction, faces = signature
         fragment = bool(group.material and group.material.glsl)
         head = defines(
             {
@@ -354,7 +354,8 @@ class LightingStage:
                 "FACES": faces or None,
                 "SHAPED": shaped,
                 "FOCUSED": focused,
-                "PROFILED": profiled,
+                "PROFILED": bool(by_direction),
+                "PROJECTED": by_direction == "PROJECTED",
                 "ISOTROPIC": group.isotropic,
                 "ALONE": group.alone,
                 "TELECENTRIC": drawn.view.telecentric,
@@ -386,7 +387,7 @@ class LightingStage:
             head += passed
             declared += "layout(std140) uniform Lights { vec4 lights[LIGHTS * STRIDE]; };\n"
             declared += "uniform sampler2D shadow_map[LIGHTS];\n" if faces else ""
-            declared += "uniform sampler2D profile[LIGHTS];\n" + text("profile.glsl") if profiled else ""
+            declared += beam_source(by_direction)
             lights = text("lights.glsl")
         model = "" if lit else materials.source(group)
         about = f"of material {str(group.material.where) or group.material.name}" if group.material else ""
@@ -411,7 +412,7 @@ class LightingStage:
         put(program, **UNITS)
         if faces:
             put(program, shadow_map=_units(SHADOW_UNIT, count))
-        if profiled:
+        if by_direction:
             put(program, profile=_units(PROFILE_UNIT, count))
         return program
 
@@ -435,6 +436,15 @@ class LightingStage:
         if self._kept is not None:
             self._kept.release()
         self.tiles.release()
+
+
+def beam_source(beam: str) -> str:
+    """The text that reads a lamp's profile or projected image."""
+    if not beam:
+        return ""
+    return "uniform sampler2D profile[LIGHTS];\n" + text(
+        "projector.glsl" if beam == "PROJECTED" else "profile.glsl"
+    )
 
 
 def _units(first: int, count: int) -> object:

@@ -14,6 +14,7 @@ import numpy as np
 from interchange.light import Profile
 from interchange.material import Texture, Wrap
 from interchange.mesh import Mesh
+from interchange.projector import Projector
 from interchange.table import Table
 from realtime.closed import is_closed
 
@@ -41,7 +42,7 @@ class Geometry:
 class Picture:
     """A texture on the GPU, with the numbers by which the shader finds its way in it."""
 
-    record: Texture | Table | Profile
+    record: Texture | Table | Profile | Projector
     texture: moderngl.Texture
     uv_from_st: tuple[float, ...] = ()  # column by column
     wrap: tuple[int, int] = (0, 0)
@@ -81,8 +82,9 @@ class Uploads:
     def picture(self, texture: Texture | Table) -> Picture:
         return self._get(texture, self._upload_texture)
 
-    def profile(self, profile: Profile) -> Picture:
-        return self._get(profile, self._upload_profile)
+    def beam(self, beam: Profile | Projector) -> Picture:
+        upload = self._upload_profile if isinstance(beam, Profile) else self._upload_projector
+        return self._get(beam, upload)
 
     def _get(self, record: Any, upload: Any) -> Any:
         key = id(record)
@@ -124,6 +126,16 @@ class Uploads:
         table = np.zeros((len(record.horizontal) + 1, len(record.vertical) + 1), np.float32)
         table[0, 1:], table[1:, 0], table[1:, 1:] = record.vertical, record.horizontal, record.candela
         texture = self.context.texture((table.shape[1], table.shape[0]), 1, table.tobytes(), dtype="f4")
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return Picture(record, texture)
+
+    def _upload_projector(self, record: Projector) -> Picture:
+        """The image below a row of numbers, four a texel; shaders/projector.glsl reads both."""
+        image = np.broadcast_to(record.image.pixels, (*record.image.pixels.shape[:2], 3))
+        numbers = record.numbers().reshape(-1, 4)
+        table = np.zeros((len(image) + 1, max(image.shape[1], len(numbers)), 4), np.float32)
+        table[0, : len(numbers)], table[1:, : image.shape[1], :3] = numbers, image
+        texture = self.context.texture((table.shape[1], table.shape[0]), 4, table.tobytes(), dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return Picture(record, texture)
 

@@ -69,5 +69,5 @@ def fill(
         picture.texture.use(MAP_UNIT)
         put(program, lamp_map=MAP_UNIT, lamp_map_uv=picture.uv_from_st, lamp_map_wrap=picture.wrap)
     if light.profile is not None:
-        uploads.profile(light.profile).texture.use(PROFILE_UNIT)
+        uploads.beam(light.profile).texture.use(PROFILE_UNIT)
         put(program, profile=PROFILE_UNIT)

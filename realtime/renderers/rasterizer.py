@@ -82,8 +82,8 @@ class Rasterizer:
             stages.uploads.begin()
             stages.bodies.update(scene.bodies)
             for light in scene.lights:
-                if light.profile is not None:
-                    stages.uploads.profile(light.profile)
+                if light.beam is not None:
+                    stages.uploads.beam(light.beam)
                 if light.texture is not None and light.visible:
                     stages.uploads.picture(light.texture)
             stages.shadows.expire()

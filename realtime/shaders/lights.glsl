@@ -111,7 +111,9 @@ vec3 shaping(int k, vec3 l)
     float share = pow(abs(d.z), RECORD(k, 5).z);
     factor *= share + (1.0 - share) * RECORD(k, 6).xyz;
 #endif
-#ifdef PROFILED
+#if defined(PROJECTED)
+    factor *= projected(k, d);
+#elif defined(PROFILED)
     float scale = RECORD(k, 5).w;
     float angle = scale > 0.0 ? theta / scale : scale < 0.0 ? (theta - 3.14159265359) / -scale + 3.14159265359 : theta;
     factor *= candela(k, angle, atan(d.y, d.x));

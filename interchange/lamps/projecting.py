@@ -1,0 +1,90 @@
+"""Pattern and line projectors as lamps, and the patterns that they show.
+
+A projector is a camera that emits (``interchange.projector``): build the camera that has its lens and its panel's
+resolution, and give it an image.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.frames import camera_from_gl
+from interchange.lamps.placing import WHITE, Color, require
+from interchange.light import Light, LightKind
+from interchange.power import power_per_intensity
+from interchange.problems import BrightfieldError
+from interchange.projector import of_camera
+
+
+def projector(
+    camera: Camera,
+    image: np.ndarray,
+    intensity: float | None = None,
+    power: float | None = None,
+    color: Color = WHITE,
+    file: str = "",
+    name: str = "/projector",
+) -> Light:
+    """The lamp that stands where ``camera`` stands and lights what it sees with ``image`` (h, w, 1 or 3), linear.
+
+    ``intensity``: W/sr where the image is 1; or ``power``: W of all of it, as it is (without ``color``, the mean of
+    the channels). ``file``: where the image is kept, for USD. Raises BrightfieldError unless one of the two is given.
+    """
+    if (intensity is None) == (power is None):
+        raise BrightfieldError(f"A projector must have an intensity or a power, one of them. ({name})")
+    shown = of_camera(camera, image, file)
+    light = Light(
+        name,
+        LightKind.SPHERE,
+        WHITE,
+        camera.world_from_camera @ camera_from_gl,
+        cone_angle=min(shown.field() + 1e-6, np.pi / 2),
+        projector=shown,
+    )
+    if power is not None:
+        factor = float(np.mean(power_per_intensity(light) * color))
+        if not factor > 0:
+            raise BrightfieldError(f"A projector with a power must show an image that is not black. ({name})")
+        intensity = power / factor
+    r, g, b = float(intensity or 0.0) * np.asarray(color)
+    return replace(light, intensity=(float(r), float(g), float(b)))
+
+
+def stripes(
+    resolution: tuple[int, int], period: float, phase: float = 0.0, vertical: bool = True
+) -> np.ndarray:
+    """(h, w, 1) fringes (1 + cos(2π (column / period) + phase)) / 2, as phase-shift profilometry shows them."""
+    width, height = resolution
+    require("A fringe's period", period, 0, unit="px")
+    at = np.arange(width if vertical else height)
+    row = (1 + np.cos(2 * np.pi * at / period + phase)) / 2
+    image = np.broadcast_to(row[None, :] if vertical else row[:, None], (height, width))
+    return np.asarray(image[..., None], np.float32)
+
+
+def gray_code(resolution: tuple[int, int], vertical: bool = True) -> tuple[np.ndarray, ...]:
+    """(h, w, 1) each: the bits of the columns' (rows') Gray code, most significant first."""
+    width, height = resolution
+    at = np.arange(width if vertical else height)
+    code = at ^ (at >> 1)
+    found = []
+    for bit in range(int(len(at) - 1).bit_length() - 1, -1, -1):
+        row = ((code >> bit) & 1).astype(np.float32)
+        image = np.broadcast_to(row[None, :] if vertical else row[:, None], (height, width))
+        found.append(np.ascontiguousarray(image[..., None]))
+    return tuple(found)
+
+
+def laser_line(
+    resolution: tuple[int, int], width: float, at: float | None = None, vertical: bool = True
+) -> np.ndarray:
+    """(h, w, 1) one line, Gaussian across with ``width`` px between the places of e⁻² of the peak (1), at pixel
+    ``at``; in the middle where it is not given."""
+    columns, rows = resolution
+    require("A laser line's width", width, 0, unit="px")
+    count = columns if vertical else rows
+    middle = (count - 1) / 2 if at is None else at
+    row = np.exp(-2 * ((np.arange(count) - middle) / (width / 2)) ** 2)
+    image = np.broadcast_to(row[None, :] if vertical else row[:, None], (rows, columns))
+    return np.asarray(image[..., None], np.float32)
