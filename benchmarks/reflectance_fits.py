@@ -228,8 +228,8 @@ def covered(name: str, weighting: str, sets: int) -> list[str]:
 def coverage(sets: int, processes: int) -> Iterator[str]:
     yield "## Do the 95 % intervals hold the truth?\n"
     yield (
-        f"{sets} sets of noise for each entry, 250 samples of three channels, noise relative to f + 0.01 / sr. Fitted by "
-        "`sigma`, σ comes with the samples; by `log` and `cosine` it does not, and the residuals tell.\n"
+        f"{sets} sets of noise for each entry, 250 samples of three channels, noise relative to f + 0.01/sr. Fitted "
+        "by `sigma`, σ comes with the samples; by `log` and `cosine` it does not, and the residuals tell.\n"
     )
     jobs = [(name, weighting, sets) for name in TRUTHS for weighting in ("sigma", "log", "cosine")]
     with ProcessPoolExecutor(processes) as pool:

@@ -146,9 +146,9 @@ def _fit(
     channels: tuple[int, ...],
     grey: bool,
     began: float,
+    weighting: Weighting | None = None,
 ) -> Fit:
-    deadline = began + options.seconds
-    problem = Problem(used, weighting_of(options.weighting, used), deadline)
+    problem = Problem(used, weighting or weighting_of(options.weighting, used), began + options.seconds)
     isotropic = options.isotropic if options.isotropic is not None else not tells_azimuth(used)
     many = any(p.per_lobe for p in parameters(model).values())
     smallest = lobed(model, int(many), None, np.random.default_rng(options.seed))[0]
@@ -266,6 +266,7 @@ def _result(
     warnings = list(told.warnings)
     if not (solution.finished and held.finished):
         warnings.append("The search stopped before it converged: at the time limit or the limit of steps.")
+    warnings += _missed_highlight(f, used.f)
     chi2 = float("nan")
     if used.sigma is not None and (used.sigma > 0).all():
         freedom = max(used.f.size - len(chart.unknowns), 1)
@@ -300,14 +301,28 @@ def _result(
     )
 
 
+def _missed_highlight(fitted: np.ndarray, f: np.ndarray, most: int = 10) -> list[str]:
+    """Whether the brightest readings are off by more than a factor of two, as where a highlight fills a few of them."""
+    top = np.argsort(-f.mean(axis=1))[:most]
+    ratio = float(np.median(fitted[top].mean(axis=1) / np.maximum(f[top].mean(axis=1), 1e-300)))
+    if 0.5 <= ratio <= 2.0:
+        return []
+    off = f"{1 / ratio:.3g} times too dark" if ratio < 1 else f"{ratio:.3g} times too bright"
+    return [f"The highlight is missed: at the {len(top)} brightest readings the fit is {off}."]
+
+
 def _by_channel(used: ReflectanceSamples, model: type[Brdf], options: Options, began: float) -> Fit:
-    """Every channel alone, with lobes of its own; together a Sum with one part a channel."""
+    """Every channel alone, with lobes of its own; together a Sum with one part a channel. What counts as dark is the
+    same for all: a channel that is nothing but noise is not fitted as if it were a colour."""
     parts = []
+    weights = weighting_of(options.weighting, used)
     for c in range(3):
         sigma = None if used.sigma is None else used.sigma[:, c : c + 1]
         one = replace(used, f=used.f[:, c : c + 1], sigma=sigma, channels=(used.channels[c],))
         share = replace(options, seconds=options.seconds / 3)
-        parts.append(_fit(one, model, share, (c,), False, time.monotonic()))
+        factor = weights.factor[:, [min(c, weights.factor.shape[1] - 1)]]
+        alone = Weighting(weights.name, factor, weights.epsilon)
+        parts.append(_fit(one, model, share, (c,), False, time.monotonic(), alone))
     weight: Any = tuple(tuple(float(i == c) for i in range(3)) for c in range(3))
     brdf = Sum(weight, tuple(p.brdf for p in parts))
     predicted = np.stack([p.held[:, c] for c, p in enumerate(parts)], axis=-1)

@@ -3,13 +3,14 @@
 | name   | g            | w           | is                                                                        |
 |--------|--------------|-------------|---------------------------------------------------------------------------|
 | mse    | f            | 1           | plain squares of the BRDF, ruled by its highlights and grazing angles     |
-| cosine | f            | cos θ_i     | of the radiance under a lamp of one irradiance: Ngan et al. 2005, eq. 1   |
+| cosine | f            | cos θ_i     | of the radiance under a lamp of one irradiance: Ngan et al. 2005         |
 | log    | asinh(f / 2ε)| 1           | relative differences; straight through zero below ε                      |
 | sigma  | f            | 1 / σ       | of the measurement's own standard deviations: chi squared                 |
 
 asinh(f / 2ε) is ln(f / ε) for f far above ε and f / 2ε below, so negative readings count as they are and need no
 clipping. ε: the median of σ where it is known, else 5 % of the median reading (mean of its channels): what is darker
-than that is mostly the instrument's own floor.
+than that is mostly the instrument's own floor. Noise of a share s of f draws the mean of its logarithm down by s² / 2:
+readings that are noisier than some 10 % and come without σ are better fitted by ``cosine``.
 Ngan, Durand, Matusik: Experimental analysis of BRDF models. EGSR 2005.
 """
 

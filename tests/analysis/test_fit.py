@@ -212,6 +212,25 @@ def test_channels_alone_become_a_sum():
     assert found.brdf.evaluate(wi, wo) == pytest.approx(truth.evaluate(wi, wo), rel=0.05, abs=0.005)
 
 
+def test_a_missed_highlight_is_said():
+    """A matte surface is fitted to a glossy one."""
+    wi, wo = goniometer(width=0.3, count=50)
+    samples = samples_of(Ward(0.3, 0.1, 0.05), wi, wo)
+    assert any("The highlight is missed" in w for w in fit(samples, Lambert).warnings)
+    assert not fit(samples, Ward).warnings
+
+
+def test_a_channel_of_noise_alone_is_left_dark():
+    """Red is 0.1 % of green, and half of it noise: its lobe must not be taken from the noise."""
+    wi, wo = goniometer(width=0.3, count=50)
+    samples = samples_of(Ward((3e-4, 0.3, 0.3), (0.0, 0.1, 0.1), 0.2), wi, wo, 0.005)
+    noise = 5e-5 * np.random.default_rng(0).normal(size=len(wi))
+    noisy = replace(samples, f=samples.f + noise[:, None] * [1, 0, 0])
+    found = fit(noisy, Ward, Options("log", per_channel=True))
+    assert found.brdf.parts[0].diffuse[0] == pytest.approx(3e-4, rel=0.2)
+    assert found.brdf.parts[1].alpha == pytest.approx(0.2, rel=0.03)
+
+
 def test_a_grey_measurement_gives_grey_parameters():
     wi, wo = goniometer(width=0.3, count=40)
     samples = samples_of(AshikhminShirley(0.3, 0.05, 50, 50), wi, wo, 0.01)
