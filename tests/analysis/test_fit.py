@@ -217,7 +217,7 @@ def test_a_missed_highlight_is_said():
     wi, wo = goniometer(width=0.3, count=50)
     samples = samples_of(Ward(0.3, 0.1, 0.05), wi, wo)
     assert any("The highlight is missed" in w for w in fit(samples, Lambert).warnings)
-    assert not fit(samples, Ward).warnings
+    assert not any("highlight" in w for w in fit(samples, Ward).warnings)
 
 
 def test_a_channel_of_noise_alone_is_left_dark():
