@@ -45,7 +45,7 @@ def views_of(
     spread = board.points - middle
     margin = 0.04 * min(width, height)  # px around the outer points, for the squares beyond them
     found: list[np.ndarray] = []
-    for _ in range(2000 * count):
+    for _ in range(1000 * count):
         if len(found) == count:
             return found
         around, lean, turn = (
@@ -69,4 +69,6 @@ def views_of(
         pixels = replace(camera, world_from_camera=world_from_camera).project(board.points)
         if ((pixels > margin) & (pixels < np.array([width, height]) - 1 - margin)).all():
             found.append(world_from_camera)
-    raise BrightfieldError(f"The camera must be able to see the whole board from {count} sides; it cannot.")
+    raise BrightfieldError(
+        f"The camera must be able to see the whole board in each of {count} views; it cannot."
+    )

@@ -140,8 +140,8 @@ def test_a_printed_board_reflects_what_it_should(rasterizer):
 
 def test_a_camera_that_cannot_see_the_whole_board_is_told():
     tight = replace(camera("5", 160), sensor=Sensor((160, 8), (1e-5, 1e-5)))
-    with pytest.raises(BrightfieldError, match="whole board"):
-        views_of(Chessboard(9, 6, 0.025), tight, 2, np.random.default_rng(0))
+    with pytest.raises(BrightfieldError, match="whole board in each of 1 views"):
+        views_of(Chessboard(9, 6, 0.025), tight, 1, np.random.default_rng(0))
 
 
 def test_a_staggered_grid_with_even_rows_is_refused():
