@@ -30,8 +30,17 @@ from interchange.spectrum import Spectrum
 
 Color = tuple[float, float, float]
 WHITE = (1.0, 1.0, 1.0)
-DECIDES = ("kind", "cone_angle", "cone_softness", "focus", "focus_tint", "profile", "profile_angle_scale")
-DECIDES += ("projector", "texture")
+DECIDES: tuple[str, ...] = (
+    "kind",
+    "cone_angle",
+    "cone_softness",
+    "focus",
+    "focus_tint",
+    "profile",
+    "profile_angle_scale",
+    "projector",
+    "texture",
+)
 NODES = 8  # of a piece
 RINGS = 48  # pieces from axis to axis, where neither cone nor profile asks for more
 FACE = 256  # rows and columns at which a face's texture is summed up

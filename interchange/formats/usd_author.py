@@ -15,7 +15,7 @@ from interchange.brdf.sum import Sum
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
 from interchange.distortion import LensModel
-from interchange.formats import usd_sensor
+from interchange.formats import usd_lamp, usd_sensor
 from interchange.formats.usd_preview import preview_of
 from interchange.frames import camera_from_gl, z_up_from_y_up
 from interchange.light import Light, LightKind
@@ -284,6 +284,10 @@ def author_light(stage: Usd.Stage, path: str, light: Light) -> Any:
         if light.profile is not None:
             shaping.CreateShapingIesFileAttr(light.profile.file)
             shaping.CreateShapingIesAngleScaleAttr(light.profile_angle_scale)
+    if light.projector is not None:
+        usd_lamp.author_projector(prim, light.projector, light.name)
+    if light.visible:
+        prim.GetPrim().CreateAttribute("lamp:visible", Sdf.ValueTypeNames.Bool, custom=True).Set(True)
     if not light.casts_shadows:
         UsdLux.ShadowAPI.Apply(prim.GetPrim()).CreateShadowEnableAttr(False)
     set_matrix(prim, world_matrix(stage, light.world_from_light))

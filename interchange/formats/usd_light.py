@@ -5,11 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
+from interchange.formats.usd_lamp import read_power, read_projector
 from interchange.formats.usd_values import Finder, asset, rigid
 from interchange.frames import z_up_from_y_up
 from interchange.light import Light, LightKind, Profile
 from interchange.material import Texture
 from interchange.problems import FileError
+from interchange.projector import Projector
 
 KINDS = {
     "SphereLight": LightKind.SPHERE,
@@ -27,10 +29,13 @@ def read_light(
     time: Usd.TimeCode,
     world_from_prim: np.ndarray,
     find: Finder,
-    texture: Callable[[str], Texture],
+    texture: Callable[..., Texture],
     profile: Callable[[str, bool], Profile],
+    keep: Callable[..., Projector],
 ) -> Light | None:
-    """``world_from_prim`` in metres: its scale turns sizes of the stage into metres. None where it cannot be read."""
+    """``world_from_prim`` in metres: its scale turns sizes of the stage into metres. None where it cannot be read.
+
+    ``keep`` makes a projector of its parts, the same one of the same parts."""
     kind = KINDS.get(prim.GetTypeName())
     if kind is None:
         find.error(f"Lights of type {prim.GetTypeName()} cannot be drawn; UsdLux's own shapes can.", prim)
@@ -91,7 +96,7 @@ def read_light(
             turn[:3, :3] = z_up_from_y_up[:3, :3]
             pose = pose @ turn
     shadow = find.value(prim, "inputs:shadow:enable", time)
-    return Light(
+    light = Light(
         name=str(prim.GetPath()),
         kind=kind,
         intensity=(float(intensity[0]), float(intensity[1]), float(intensity[2])),
@@ -103,7 +108,9 @@ def read_light(
         profile=beam,
         profile_angle_scale=angle_scale,
         texture=face,
+        projector=read_projector(prim, time, find, texture, keep) if kind is LightKind.SPHERE else None,
         casts_shadows=shadow is not False,
+        visible=bool(find.value(prim, "lamp:visible", time)),
         where=find.where(prim),
         radius=sizes.get("radius", 0.0),
         width=sizes.get("width", 0.0),
@@ -111,6 +118,7 @@ def read_light(
         length=sizes.get("length", 0.0),
         angle=sizes.get("angle", 0.0),
     )
+    return read_power(prim, time, find, light)
 
 
 def _sizes(kind: LightKind, get: Callable[[str, float], float], scale: np.ndarray) -> dict[str, float]:

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera
+from interchange.distortion import LensModel
 from interchange.formats.gprims import read_gprim
 from interchange.formats.usd_camera import read_camera
 from interchange.formats.usd_geometry import Part, read_mesh
@@ -21,6 +22,7 @@ from interchange.light import Light, Profile
 from interchange.material import Material, Texture, Wrap
 from interchange.mesh import Mesh
 from interchange.problems import FileError, Problem, errors
+from interchange.projector import Projector
 from interchange.scene import Body, Scene
 
 MAX_FRAMES = 1_000_000
@@ -104,6 +106,14 @@ class SceneReader:
             self._textures[key] = Texture(pixels, (Wrap.BLACK, Wrap.BLACK), file)
         return self._textures[key]
 
+    def projector(
+        self, image: Texture, K: tuple[float, ...], distortion: tuple[float, ...], model: LensModel
+    ) -> Projector:
+        key = ("projector", id(image), K, distortion, model)
+        if key not in self._kept:
+            self._kept[key] = Projector(image, np.array(K).reshape(3, 3), distortion, model)
+        return self._kept[key]
+
     def profile(self, file: str, normalize: bool) -> Profile:
         from interchange.formats.photometry import read as read_photometry
 
@@ -162,7 +172,9 @@ class _Walk:
     def _one(self, prim: Usd.Prim, world: np.ndarray, suffix: str) -> None:
         reader, path = self.reader, str(prim.GetPath()) + suffix
         if prim.HasAPI(UsdLux.LightAPI):
-            light = read_light(prim, self.time, world, self.find, reader.texture, reader.profile)
+            light = read_light(
+                prim, self.time, world, self.find, reader.texture, reader.profile, reader.projector
+            )
             if light is not None:
                 light = replace(light, name=path) if suffix else light
                 names = [f.name for f in fields(light) if f.name != "where"]

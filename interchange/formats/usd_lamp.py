@@ -1,0 +1,136 @@
+"""What UsdLux has no words for, as custom attributes of a light: its power, its spectrum, a projector's lens and image.
+
+Other software sees a UsdLux light with its ``inputs:intensity``; README.md of ``interchange`` lists the attributes.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Usd
+
+from interchange.colorimetry import luminous_efficacy, srgb_color
+from interchange.distortion import LensModel, padded
+from interchange.formats.usd_values import Finder, asset
+from interchange.illuminants import illuminant
+from interchange.light import Light
+from interchange.material import Texture
+from interchange.power import WHITE, with_power
+from interchange.problems import BrightfieldError, FileError, did_you_mean
+from interchange.projector import Projector
+from interchange.spectrum import Spectrum, from_measurement
+
+NAMES = Sdf.ValueTypeNames
+SPACES = ("auto", "raw", "sRGB")
+
+
+def read_power(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, light: Light) -> Light:
+    """The light with the power that ``lamp:power`` (W) or ``lamp:flux`` (lm) give it, in place of its intensity.
+
+    Its colour is that of ``lamp:spectrum`` in linear sRGB, else that of the light's intensity.
+    """
+    watts, lumens = (find.value(prim, f"lamp:{name}", time) for name in ("power", "flux"))
+    if watts is None and lumens is None:
+        return light
+    at = "lamp:flux" if watts is None else "lamp:power"
+    try:
+        spectrum = read_spectrum(prim, time, find)
+        own = np.asarray(light.intensity)
+        color = WHITE
+        if spectrum is not None:
+            color = srgb_color(spectrum) if luminous_efficacy(spectrum) > 1e-3 else WHITE
+        elif own.mean() > 0:
+            r, g, b = own / own.mean()
+            color = (float(r), float(g), float(b))
+        return with_power(
+            light,
+            None if watts is None else float(watts),
+            None if lumens is None else float(lumens),
+            spectrum,
+            color,
+        )
+    except BrightfieldError as error:
+        find.error(str(error), prim, at)
+        return light
+
+
+def read_spectrum(prim: Usd.Prim, time: Usd.TimeCode, find: Finder) -> Spectrum | None:
+    """``lamp:spectrum``, a name that ``illuminant`` knows, or ``lamp:spectrum:file``, a table of it."""
+    name = find.value(prim, "lamp:spectrum", time)
+    written, file = asset(prim.GetAttribute("lamp:spectrum:file"), time)
+    if written and not file:
+        raise BrightfieldError(f'The spectrum "{written}" is not there.')
+    if file:
+        from interchange.formats import measurements
+
+        return from_measurement(measurements.read(file), name or "")
+    return illuminant(name) if name else None
+
+
+def read_projector(
+    prim: Usd.Prim,
+    time: Usd.TimeCode,
+    find: Finder,
+    texture: Callable[..., Texture],
+    keep: Callable[..., Projector],
+) -> Projector | None:
+    """The projector that ``projector:*`` describe; None where there is no image."""
+    name = "projector:image"
+    written, file = asset(prim.GetAttribute(name), time)
+    if not written:
+        return None
+    if not file:
+        find.error(f'The projected image "{written}" is not there.', prim, name)
+        return None
+    if find.value(prim, "inputs:shaping:ies:file", time):
+        find.error("A lamp must have a projected image or a profile, not both.", prim, name)
+        return None
+    space = str(find.value(prim, "projector:colorSpace", time) or "auto")
+    model = str(find.value(prim, "projector:model", time) or LensModel.OPENCV.value)
+    for word, known, attribute in (
+        (space, SPACES, "colorSpace"),
+        (model, tuple(m.value for m in LensModel), "model"),
+    ):
+        if word not in known:
+            message = (
+                f'{attribute} must be one of {", ".join(known)}; got "{word}".{did_you_mean(word, known)}'
+            )
+            find.error(message, prim, f"projector:{attribute}")
+            return None
+    try:
+        image = texture(file, space)
+        distortion = padded(find.value(prim, "projector:distortion", time) or (), LensModel(model))
+    except (FileError, ValueError) as error:
+        find.error(str(error), prim, name if isinstance(error, FileError) else "projector:distortion")
+        return None
+    height, width = image.pixels.shape[:2]
+    focal = find.value(prim, "projector:focalLength", time)
+    if focal is None or not (min(focal) > 0 and np.isfinite(focal).all()):
+        got = "nothing" if focal is None else tuple(focal)
+        find.error(
+            f"A projector's focal lengths, px, must be above 0; got {got}.", prim, "projector:focalLength"
+        )
+        return None
+    centre = find.value(prim, "projector:principalPoint", time) or ((width - 1) / 2, (height - 1) / 2)
+    K = (float(focal[0]), 0.0, float(centre[0]), 0.0, float(focal[1]), float(centre[1]), 0.0, 0.0, 1.0)
+    return keep(image, K, distortion, LensModel(model))
+
+
+def author_projector(prim: Any, projector: Projector, name: str) -> None:
+    """The attributes that ``read_projector`` reads. Raises BrightfieldError where the image is in no file."""
+    if not projector.image.file:
+        raise BrightfieldError(f"A projector's image must be in a file to be written as USD. ({name})")
+    usd = prim.GetPrim()
+
+    def put(attribute: str, kind: Any, value: Any) -> None:
+        usd.CreateAttribute(f"projector:{attribute}", kind, custom=True).Set(value)
+
+    prim.CreateTreatAsPointAttr(True)
+    K = projector.K
+    put("image", NAMES.Asset, projector.image.file)
+    put("focalLength", NAMES.Double2, Gf.Vec2d(float(K[0, 0]), float(K[1, 1])))
+    put("principalPoint", NAMES.Double2, Gf.Vec2d(float(K[0, 2]), float(K[1, 2])))
+    if any(projector.distortion):
+        put("distortion", NAMES.DoubleArray, list(projector.distortion))
+    if projector.model is not LensModel.OPENCV:
+        put("model", NAMES.Token, projector.model.value)
