@@ -12,8 +12,9 @@ import numpy as np
 
 from composer.aligned import Description
 from interchange.camera import Camera, Projection
+from interchange.colorimetry import chromaticity, luminous_efficacy, xyz
 from interchange.distortion import NAMES
-from interchange.formats import exr, images, photometry
+from interchange.formats import exr, images, photometry, radial_profile
 from interchange.formats.base import Options
 from interchange.formats.document import Document, format_of, open_scene
 from interchange.formats.exr_header import read_header, size
@@ -24,9 +25,11 @@ from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.measurement import Kind, Measurement
 from interchange.parameter import parameters, settings
+from interchange.power import emitted_power
 from interchange.problems import FileError, Problem, Severity
 from interchange.reflectance import ReflectanceSamples
 from interchange.scene import Body, Scene
+from interchange.spectrum import from_measurement
 
 INTENSITY_UNIT = {LightKind.DISTANT: "W/m²", LightKind.DOME: "W/(m² sr)"}  # all others: W/sr
 
@@ -46,7 +49,10 @@ def describe(path: Path | str, options: Options = Options()) -> Description:  # 
         case "photometry":
             return head | _photometry(photometry.load(path))
         case _:
-            return head | _measurement(kind.read(path, options))
+            found = kind.read(path, options)
+            if isinstance(found, Measurement) and radial_profile.is_radial(found):
+                return head | _radial(photometry.load(path))
+            return head | _measurement(found)
 
 
 def _document(document: Document) -> Description:
@@ -147,6 +153,11 @@ def _light(light: Light) -> Description:
         shaped.append(f"focus {light.focus:g}")
     if light.profile:
         shaped.append(f"profile {Path(light.profile.file).name}")
+    if light.projector:
+        width, height = light.projector.resolution
+        shaped.append(f"projects {Path(light.projector.image.file).name}, {width} x {height} px")
+    if light.visible:
+        shaped.append("seen by the camera")
     if light.texture:
         shaped.append(f"texture {Path(light.texture.file).name}")
     if light.kind is LightKind.DISTANT and light.angle:
@@ -157,6 +168,7 @@ def _light(light: Light) -> Description:
         "kind": light.kind.value,
         "intensity": list(light.intensity),
         "unit": INTENSITY_UNIT.get(light.kind, "W/sr"),
+        "power_W": list(emitted_power(light)) if placed else None,
         "extent_mm": {name: 1000 * getattr(light, name) for name in sizes},
         "position_mm": list(np.round(1000 * light.world_from_light[:3, 3], 6) + 0.0) if placed else None,
         "shaping": ", ".join(shaped),
@@ -296,6 +308,20 @@ def _photometry(lamp: Photometry) -> Description:
     return {k: x for k, x in found.items() if x is not None}
 
 
+def _radial(lamp: Photometry) -> Description:
+    """A data sheet's profile: how wide it is, and W of a lamp with 1 W/sr where it is brightest."""
+    found = _photometry(lamp)
+    kept = (
+        "symmetry",
+        "vertical_angles",
+        "beam_angle_50_percent_deg",
+        "field_angle_10_percent_deg",
+        "problems",
+    )
+    power = float(lamp.profile.power())
+    return {"kind": lamp.standard, "W_per_W_sr": power, **{k: found[k] for k in kept}}
+
+
 def _measurement(found: Measurement) -> Description:
     axes = [
         {"name": a.name, "unit": a.unit, "distinct": len(np.unique(a.values)), **_range(a.values)}
@@ -313,6 +339,7 @@ def _measurement(found: Measurement) -> Description:
         "kind": found.kind.value,
         "readings": found.rows,
         **_reflectance(found),
+        **_spectra(found),
         "comments": list(found.comments),
         "axes": axes,
         "values": values,
@@ -334,6 +361,24 @@ def _reflectance(found: Measurement) -> Description:
         shape = " x ".join(str(getattr(found.model, name)) for name in settings(found.model))
         about["model"] = f"{type(found.model).__name__} ({shape})"
     return about
+
+
+def _spectra(found: Measurement) -> Description:
+    """Of each spectrum of a file its mean wavelength, and what people see of it: colour and efficacy."""
+    if found.kind is not Kind.SPECTRUM:
+        return {}
+    rows = []
+    for column in found.values:
+        spectrum = from_measurement(found, column.name)
+        row: Description = {"name": column.name, "integral": spectrum.integral()}
+        if row["integral"] > 0:
+            at = spectrum.wavelength_nm[int(np.argmax(spectrum.values))]
+            row |= {"peak_nm": float(at), "mean_nm": spectrum.mean_wavelength()}
+        visible = np.ptp(np.clip(spectrum.wavelength_nm, 360, 830)) > 0
+        if visible and row["integral"] > 0 and xyz(spectrum).sum() > 0:
+            row |= {"xy": list(chromaticity(spectrum)), "efficacy_lm_per_W": luminous_efficacy(spectrum)}
+        rows.append(row)
+    return {"spectra": rows}
 
 
 def _range(values: np.ndarray) -> Description:

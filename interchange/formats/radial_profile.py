@@ -22,11 +22,17 @@ from interchange.problems import FileError, Problem, Where
 ANGLE = re.compile(r"^(angle|theta|θ)\b", re.IGNORECASE)
 
 
+def is_radial(table: Measurement) -> bool:
+    """Whether a table of numbers is a radial profile: its first column says so."""
+    columns = [*table.axes, *table.values]
+    return not table.labels and len(columns) in (2, 3) and bool(ANGLE.match(columns[0].name))
+
+
 def parse(table: Measurement, path: Path) -> Photometry:
     """The profile that a table of numbers holds. Raises FileError with every problem."""
     where = Where(str(path))
     columns = [*table.axes, *table.values]
-    if table.labels or len(columns) not in (2, 3) or not ANGLE.match(columns[0].name):
+    if not is_radial(table):
         raise FileError(
             Problem(
                 "A radial profile must have a column of angles, named angle, and one or two of intensities; got "
