@@ -22,7 +22,8 @@ NAMES = ("C_z", "k_d", "n")
 
 def one_lobe(x: Sequence[Any], wi: Any, wo: Any) -> Any:
     """The formula as the catalogue has it, in x = (log C_z^n, k_d, n): samples tell a lobe's height and width apart
-    far better than C_z and n, and where one ring of lamps alone sees it, the valley log C_z^n + n log cos is straight."""
+    far better than C_z and n; and where one ring of lamps alone sees it, the valley log C_z^n + n log cos is
+    straight."""
     height, k_d, n = x
     c_z = np.exp(height / n)
     return ONE_LOBE.bind([k_d] * 3 + [1.0] * 3 + [-1.0, -1.0, c_z, n], 0).f(wi, wo)

@@ -18,7 +18,9 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba import types
 
+from analysis.fit.vector_math import exp, log, power
 from interchange.dual import Dual
 from interchange.problems import BrightfieldError
 from interchange.shader import PYTHON, Body, Traced, spell
@@ -82,25 +84,34 @@ def fit_many(
     if frames.shape not in ((1, 3, 3), (m, 3, 3)):
         raise BrightfieldError(f"Frames must have shape ({m}, 3, 3); got {frames.shape}.")
     weight = np.ones((1, 1)) if weight is None else np.asarray(weight, np.float64)
-    weight = np.array(np.broadcast_to(weight, (m, count)))
+    weight = np.array(np.broadcast_to(weight, (m, count)), order="C")
     low, high = (np.array([getattr(p, side) for p in free], np.float64) for side in ("low", "high"))
     linear = next((k for k, p in enumerate(free) if p.linear), -1)
     if starts is None:
         lists = [p.candidates or (0.0,) if p.linear else p.candidates for p in free]
         starts = np.stack(np.meshgrid(*lists, indexing="ij"), axis=-1).reshape(-1, len(free))
     starts = np.clip(np.array(starts, np.float64).reshape(-1, len(free)), low, high)
-    model, slope = compiled(formula, len(free))
-    frames = np.array(frames, np.float64)
+    look = compiled(formula, len(free))
+    solve, candidates = _kernels()
+    frames = np.array(frames, np.float64, order="C")
     own = len(frames) == m and m > 1
-    grid = np.zeros((1, 1, 2)) if own else _candidates(model, starts, wi, wo, frames[0], linear)
+    wi, wo = np.ascontiguousarray(wi.T), np.ascontiguousarray(wo.T)
+    grid = np.zeros((1, 1, 1))
+    if not own:
+        u, v = np.empty_like(wi), np.empty_like(wo)
+        _turn(frames[0], wi, u)
+        _turn(frames[0], wo, v)
+        below = (u[2] <= 0) | (v[2] <= 0)
+        u[:, below] = v[:, below] = np.array([[0.0], [0.0], [1.0]])
+        grid = candidates(look, starts, u, v, linear)
     size = len(free)
     x, covariance, cost = np.full((m, size), np.nan), np.full((m, size, size), np.nan), np.full(m, np.nan)
     used, converged = np.zeros(m, np.int64), np.zeros(m, bool)
 
     def work(part: slice) -> None:
-        _solve(
-            model, slope, y[part], wi, wo, frames[part] if own else frames, own, weight[part], starts, grid, low, high,
-            linear, x[part], covariance[part], cost[part], used[part], converged[part],
+        solve(
+            look, y[part], wi, wo, frames[part] if own else frames, own, weight[part], starts, grid, low, high, linear,
+            x[part], covariance[part], cost[part], used[part], converged[part],
         )  # fmt: skip
 
     step = max(1, min(4096, -(-m // (os.cpu_count() or 1))))
@@ -109,41 +120,42 @@ def fit_many(
     return ManyFits(tuple(p.name for p in free), x, covariance, cost, used, converged)
 
 
+SIGNATURE = types.void(
+    types.float64[::1], types.float64[:, ::1], types.float64[:, ::1], types.float64[:, ::1]
+)
+# of every formula, so that what follows is compiled once for all of them
+FORMULA = types.FunctionType(SIGNATURE)
+
+
 @lru_cache(maxsize=32)
-def compiled(formula: Formula, count: int) -> tuple[Any, Any]:
-    """``model(x, wi, wo) -> f`` and ``slope(x, wi, wo, gradient) -> f``, compiled from the trace of ``formula``."""
+def compiled(formula: Formula, count: int) -> Any:
+    """``look(x, wi, wo, out)``: the formula at x for all samples, wi and wo (3, L), into out[0], and its derivatives by
+    x into out[1:], compiled from the trace of ``formula``."""
     body = Body(PYTHON)
-    x, wi, wo = (
-        [Traced(f"{w}[{k}]", body) for k in range(n)] for w, n in (("x", count), ("wi", 3), ("wo", 3))
-    )
-    value = spell(formula(x, wi, wo))
-    model = _function(["def model(x, wi, wo):", *body.lines, f"return {value}"], "model")
-    body = Body(PYTHON)
-    x, wi, wo = (
-        [Traced(f"{w}[{k}]", body) for k in range(n)] for w, n in (("x", count), ("wi", 3), ("wo", 3))
-    )
-    dual = formula(Dual.variables(x), wi, wo)
-    lines = [f"gradient[{k}] = {spell(slope)}" for k, slope in enumerate(dual.partials)]
-    text = ["def slope(x, wi, wo, gradient):", *body.lines, *lines, f"return {spell(dual.value)}"]
-    return model, _function(text, "slope")
-
-
-def _function(lines: list[str], name: str) -> Any:
+    x = Dual.variables([Traced(f"x{k}", body) for k in range(count)])
+    wi, wo = ([Traced(f"{w}[{k}, l]", body) for k in range(3)] for w in ("wi", "wo"))
+    dual = formula(x, wi, wo)
+    lines = ["def look(x, wi, wo, out):", *(f"    x{k} = x[{k}]" for k in range(count))]
+    lines.append("    for l in range(wi.shape[1]):")
+    lines += [f"        {line}" for line in body.lines]
+    results = [dual.value, *dual.partials]
+    lines += [f"        out[{k}, l] = {spell(result)}" for k, result in enumerate(results)]
     names: dict[str, Any] = {n: getattr(math, n) for n in dir(math) if not n.startswith("_")}
-    names["power"] = _power
-    exec("\n    ".join(lines), names)
-    return numba.njit(error_model="numpy", nogil=True)(names[name])
+    names |= {"log": log, "exp": exp, "power": power}
+    exec("\n".join(lines), names)
+    return numba.njit(SIGNATURE, error_model="numpy", nogil=True)(names["look"])
 
 
-@numba.njit(error_model="numpy")
-def _power(x: float, n: float) -> float:
-    return math.exp(n * math.log(x)) if x > 0.0 else 0.0
+_BLOCK = types.float64[:, ::1]
+_KERNEL = types.void(
+    FORMULA, _BLOCK, _BLOCK, _BLOCK, types.float64[:, :, ::1], types.boolean, _BLOCK, _BLOCK,
+    types.float64[:, :, ::1], types.float64[::1], types.float64[::1], types.int64, _BLOCK,
+    types.float64[:, :, ::1], types.float64[::1], types.int64[::1], types.boolean[::1],
+)  # fmt: skip
 
 
-@numba.njit(error_model="numpy", nogil=True)
 def _solve(
-    model: Any,
-    slope: Any,
+    look: Any,
     y: np.ndarray,
     wi: np.ndarray,
     wo: np.ndarray,
@@ -163,61 +175,55 @@ def _solve(
 ) -> None:
     m, count = y.shape
     size = len(low)
-    u, v = np.empty((count, 3)), np.empty((count, 3))
+    u, v = np.empty((3, count)), np.empty((3, count))
     w, values = np.empty(count), np.empty(count)
-    normal = np.empty((size, size))
+    normal, out = np.empty((size, size)), np.empty((size + 1, count))
     for i in range(m):
-        frame = frames[i if own else 0]
+        _turn(frames[i if own else 0], wi, u)
+        _turn(frames[i if own else 0], wo, v)
         used = 0
         for k in range(count):
-            _turn(frame, wi[k], u[k])
-            _turn(frame, wo[k], v[k])
             w[k], values[k] = weight[i, k], y[i, k]
-            if not (values[k] == values[k] and u[k, 2] > 0.0 and v[k, 2] > 0.0 and w[k] > 0.0):
-                w[k], values[k] = 0.0, 0.0
-            else:
+            if values[k] == values[k] and u[2, k] > 0.0 and v[2, k] > 0.0 and w[k] > 0.0:
                 used += 1
+            else:  # any direction does, with no weight
+                w[k], values[k] = 0.0, 0.0
+                u[0, k], u[1, k], u[2, k], v[0, k], v[1, k], v[2, k] = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0
         used_out[i] = used
         if used < size:
             continue
-        here = _candidates(model, starts, wi, wo, frame, linear) if own else grid
+        here = _candidates(look, starts, u, v, linear) if own else grid
         x = _start(here, starts, values, w, low, high, linear)
-        cost, converged = _descend(slope, x, values, u, v, w, low, high, normal)
+        cost, converged = _descend(look, x, values, u, v, w, low, high, normal, out)
         x_out[i], cost_out[i], converged_out[i] = x, cost, converged
         _covariance(normal, cost / max(used - size, 1), covariance_out[i])
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _turn(frame: np.ndarray, w: np.ndarray, out: np.ndarray) -> None:
-    for a in range(3):
-        out[a] = frame[a, 0] * w[0] + frame[a, 1] * w[1] + frame[a, 2] * w[2]
+    """(3, L) directions of the world in a frame."""
+    for k in range(w.shape[1]):
+        for a in range(3):
+            out[a, k] = frame[a, 0] * w[0, k] + frame[a, 1] * w[1, k] + frame[a, 2] * w[2, k]
 
 
-@numba.njit(error_model="numpy")
-def _candidates(
-    model: Any, starts: np.ndarray, wi: np.ndarray, wo: np.ndarray, frame: np.ndarray, linear: int
-) -> np.ndarray:
-    """(K, L, 2): the formula at every candidate, the linear parameter being 0; and what one unit of it adds."""
-    out = np.zeros((len(starts), len(wi), 2))
-    u, v = np.empty(3), np.empty(3)
+@numba.njit(error_model="numpy", nogil=True)
+def _candidates(look: Any, starts: np.ndarray, u: np.ndarray, v: np.ndarray, linear: int) -> np.ndarray:
+    """(K, 2, L): the formula at every candidate, the linear parameter being 0; and what one unit of it adds."""
+    found = np.zeros((len(starts), 2, u.shape[1]))
+    out = np.empty((starts.shape[1] + 1, u.shape[1]))
     for c in range(len(starts)):
         x = starts[c].copy()
-        for k in range(len(wi)):
-            _turn(frame, wi[k], u)
-            _turn(frame, wo[k], v)
-            if u[2] > 0.0 and v[2] > 0.0:
-                if linear >= 0:
-                    x[linear] = 1.0
-                    one = model(x, u, v)
-                    x[linear] = 0.0
-                    out[c, k, 0] = model(x, u, v)
-                    out[c, k, 1] = one - out[c, k, 0]
-                else:
-                    out[c, k, 0] = model(x, u, v)
-    return out
+        if linear >= 0:
+            x[linear] = 0.0
+        look(x, u, v, out)
+        found[c, 0] = out[0]
+        if linear >= 0:
+            found[c, 1] = out[1 + linear]
+    return found
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@numba.njit(error_model="numpy", nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
 def _start(
     grid: np.ndarray,
     starts: np.ndarray,
@@ -231,7 +237,7 @@ def _start(
     for c in range(len(starts)):
         rr, rd, dd = 0.0, 0.0, 0.0
         for k in range(len(y)):
-            r, d = y[k] - grid[c, k, 0], grid[c, k, 1]
+            r, d = y[k] - grid[c, 0, k], grid[c, 1, k]
             rr += w[k] * r * r
             rd += w[k] * r * d
             dd += w[k] * d * d
@@ -247,37 +253,30 @@ def _start(
     return x
 
 
-@numba.njit(error_model="numpy")
-def _look(
-    slope: Any,
-    x: np.ndarray,
-    y: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
-    w: np.ndarray,
-    row: np.ndarray,
-    normal: np.ndarray,
-    g: np.ndarray,
-) -> float:
-    """The cost at ``x``, with the lower half of J^T W J and J^T W r."""
-    size = len(x)
+@numba.njit(error_model="numpy", nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+def _sums(y: np.ndarray, w: np.ndarray, out: np.ndarray, normal: np.ndarray, g: np.ndarray) -> float:
+    """The cost, with the lower half of J^T W J and J^T W r, of a formula's values and derivatives."""
     total = 0.0
-    normal[:] = 0.0
-    g[:] = 0.0
     for k in range(len(y)):
-        if w[k] > 0.0:
-            r = slope(x, u[k], v[k], row) - y[k]
-            total += w[k] * r * r
-            for a in range(size):
-                g[a] += w[k] * row[a] * r
-                for b in range(a + 1):
-                    normal[a, b] += w[k] * row[a] * row[b]
+        r = out[0, k] - y[k]
+        out[0, k] = w[k] * r
+        total += w[k] * r * r
+    for a in range(len(g)):
+        s = 0.0
+        for k in range(len(y)):
+            s += out[0, k] * out[a + 1, k]
+        g[a] = s
+        for b in range(a + 1):
+            s = 0.0
+            for k in range(len(y)):
+                s += w[k] * out[a + 1, k] * out[b + 1, k]
+            normal[a, b] = s
     return total
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(error_model="numpy", nogil=True)
 def _descend(
-    slope: Any,
+    look: Any,
     x: np.ndarray,
     y: np.ndarray,
     u: np.ndarray,
@@ -286,12 +285,14 @@ def _descend(
     low: np.ndarray,
     high: np.ndarray,
     normal: np.ndarray,
+    out: np.ndarray,
 ) -> tuple[float, bool]:
     """Levenberg-Marquardt from ``x``, which becomes the minimum; ``normal`` becomes J^T W J there."""
     size = len(x)
-    g, trial, row, rests = np.empty(size), np.empty(size), np.empty(size), np.zeros(size, np.bool_)
+    g, trial, rests = np.empty(size), np.empty(size), np.zeros(size, np.bool_)
     next_normal, next_g = np.empty((size, size)), np.empty(size)
-    cost = _look(slope, x, y, u, v, w, row, normal, g)
+    look(x, u, v, out)
+    cost = _sums(y, w, out, normal, g)
     damping, slow = 1e-3, 0
     for _ in range(STEPS):
         gain = 0.0  # what a step in each parameter alone would gain
@@ -305,7 +306,8 @@ def _descend(
         step = _step(normal, g, rests, damping)
         for a in range(size):
             trial[a] = min(max(x[a] + step[a], low[a]), high[a])
-        new = _look(slope, trial, y, u, v, w, row, next_normal, next_g)
+        look(trial, u, v, out)
+        new = _sums(y, w, out, next_normal, next_g)
         if new < cost:
             slow = slow + 1 if cost - new <= SLOW * cost else 0
             x[:], normal[:], g[:] = trial, next_normal, next_g
@@ -321,8 +323,8 @@ def _descend(
 
 
 STEPS = 300
-TOLERANCE = 1e-12  # of the cost: what is left to gain
-SLOW = 1e-8  # of the cost: what a step gained
+TOLERANCE = 1e-13  # of the cost: what is left to gain
+SLOW = 1e-9  # of the cost: what a step gained
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -373,3 +375,11 @@ def _covariance(normal: np.ndarray, variance: float, out: np.ndarray) -> None:
             out[a, b] = column[b] * variance
         if none[a] or column[a] * normal[a, a] > 1e10:
             out[a, a] = np.inf
+
+
+@lru_cache(maxsize=1)
+def _kernels() -> tuple[Any, Any]:
+    """``_solve`` and ``_candidates`` compiled for any formula; kept on disk from one run to the next."""
+    solve = numba.njit(_KERNEL, error_model="numpy", nogil=True, cache=True)(_solve)
+    blocks = types.float64[:, :, ::1](FORMULA, _BLOCK, _BLOCK, _BLOCK, types.int64)
+    return solve, numba.njit(blocks, error_model="numpy", cache=True)(_candidates.py_func)
