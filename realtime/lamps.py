@@ -134,14 +134,21 @@ def _sample(light: Light, R: np.ndarray, t: np.ndarray, u: np.ndarray) -> Sample
         case LightKind.DOME:
             mode, place = "DIRECTION", None
             uv, per_area = (u, 1.0) if light.texture is None else _important(light.texture, u)
-            if light.texture is None:
-                uv = np.array([u[0], 1 - np.arccos(1 - 2 * u[1]) / np.pi])
-                record[POWER, :3] *= 4 * np.pi
-            else:
+            if light.texture is not None:
                 ring = 2 * np.pi**2 * np.sin(np.pi * (1 - uv[1]))  # sr a unit of the map's area
                 record[POWER, :3] *= _rgb(light.texture, uv) * ring / per_area
+                towards = latlong_direction(uv)
+            elif light.cone_angle < np.pi:
+                gap = 1 - np.cos(light.cone_angle)
+                cosine, around = 1 - gap * u[1], 2 * np.pi * u[0]
+                sine = np.sqrt(1 - cosine * cosine)
+                towards = np.array([sine * np.cos(around), sine * np.sin(around), cosine])
+                record[POWER, :3] *= 2 * np.pi * gap
+            else:
+                towards = latlong_direction(np.array([u[0], 1 - np.arccos(1 - 2 * u[1]) / np.pi]))
+                record[POWER, :3] *= 4 * np.pi
             record[POWER, :3] /= DOME_POINTS
-            record[0, :3] = R @ latlong_direction(uv)
+            record[0, :3] = R @ towards
             direction = -record[0, :3]
     return Sample(light, mode, record, place, direction)
 
