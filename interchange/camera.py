@@ -38,6 +38,8 @@ class Lens:
     lateral_chromatic_aberration: tuple[float, ...] = ()
     axial_chromatic_aberration: tuple[float, ...] = ()
     blur: float = parameter(0.0, "σ", "px", 0, 100, "blur of the whole image, Gaussian, rms")
+    field_blur: tuple[float, ...] = ()
+    measured_blur: tuple[float, ...] = ()
     diffraction: bool = False  # blur by the Airy pattern of f_stop
     veiling_glare: tuple[float, ...] = ()
 
@@ -50,7 +52,7 @@ class Lens:
         if self.model is LensModel.FISHEYE and self.projection is not Projection.PERSPECTIVE:
             raise ParameterError(f"A fisheye lens must be perspective; got {self.projection}.")
         freeze_numbers(self, vignetting=2, lateral_chromatic_aberration=4, axial_chromatic_aberration=3)
-        freeze_numbers(self, veiling_glare=2)
+        freeze_numbers(self, veiling_glare=2, field_blur=4, measured_blur=None)
         object.__setattr__(self, "diffraction", bool(self.diffraction))
 
     @property

@@ -223,7 +223,7 @@ def line(u: float, v: float) -> np.ndarray:
     half = int(np.ceil(max(abs(u), abs(v)) / 2)) + 2
     t = (np.arange(n := 64 * half) + 0.5) / n - 0.5
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    (j, across), (i, down) = _lagrange(u * t + half), _lagrange(v * t + half)
+    (j, across), (i, down) = lagrange(u * t + half), lagrange(v * t + half)
     for a in range(4):
         for b in range(4):
             np.add.at(kernel, (i + a - 1, j + b - 1), down[a] * across[b])
@@ -231,7 +231,7 @@ def line(u: float, v: float) -> np.ndarray:
     return (kernel / kernel.sum()).astype(np.float32)
 
 
-def _lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+def lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """The pixel below each place and the weights of the four around it."""
     i = np.floor(x).astype(int)
     t = x - i

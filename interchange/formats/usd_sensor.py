@@ -61,6 +61,8 @@ ATTRIBUTES = (
     Attribute("lens:lateralChromaticAberration", NAMES.DoubleArray, "lens", "lateral_chromatic_aberration"),
     Attribute("lens:axialChromaticAberration", NAMES.DoubleArray, "lens", "axial_chromatic_aberration"),
     Attribute("lens:blur", NAMES.Double, "lens", "blur"),
+    Attribute("lens:fieldBlur", NAMES.DoubleArray, "lens", "field_blur"),
+    Attribute("lens:measuredBlur", NAMES.DoubleArray, "lens", "measured_blur"),
     Attribute("lens:diffraction", NAMES.Bool, "lens", "diffraction"),
     Attribute("lens:veilingGlare", NAMES.DoubleArray, "lens", "veiling_glare"),
 )

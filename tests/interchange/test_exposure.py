@@ -293,6 +293,7 @@ def test_a_camera_carries_an_effect_there_and_back(model, data):
         "method": "edge_aware",
         "response": "sRGB",
         "bits_out": 8,
+        "sigmas": (0.0, 0.5, 0.6, 1.0, 2.0, 1.0),
     }
     whole = {"bits": 8, "quality": 60, "black_level": 17}
     values = {}
@@ -311,6 +312,8 @@ def test_a_camera_carries_an_effect_there_and_back(model, data):
 def test_optics_are_linear_in_light(model):
     """Superposition, which is what lets a diagnosis add up light from several lamps."""
     drawn = {n: 0.3 * p.high if p.high <= 1 else min(2.0, 0.3 * p.high) for n, p in parameters(model).items()}
+    if "sigmas" in model.__dataclass_fields__:
+        drawn["sigmas"] = (0.0, 0.5, 0.6, 1.0, 2.0, 1.0)
     effect = model(**{**drawn, **({"u": 3.0, "v": 1.0} if "u" in drawn else {})})
     c = station()
     rng = np.random.default_rng(0)

@@ -24,6 +24,8 @@ LENS = Lens(
     lateral_chromatic_aberration=(1.1e-4, -2.3e-4, 3e-5, -7e-5),
     axial_chromatic_aberration=(1.3, 0.1, 2.2),
     blur=0.61,
+    field_blur=(0.5, -3.1, 1.7, 0.4),
+    measured_blur=(0.0, 0.6, 0.61, 1.0, 1.7, 1.1),
     diffraction=True,
     veiling_glare=(0.013, 0.21),
 )

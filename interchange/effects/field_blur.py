@@ -1,0 +1,71 @@
+"""Field curvature, astigmatism and coma: third-order aberrations blur more towards the corners.
+
+A ray through the pupil at (ρ, φ) arrives, away from its point's centroid, in the image of a point at field radius r
+
+    outward   ½ (d_0 + d_T r²) ρ cos φ + C r ρ² (2 + cos 2φ)
+    around    ½ (d_0 + d_S r²) ρ sin φ + C r ρ² sin 2φ          r = 1 is half the image's diagonal
+
+    variance  (d_0 + d_T r²)² / 16 + C² r² / 2  outward,  (d_0 + d_S r²)² / 16 + C² r² / 6  around
+
+Field curvature is d_T = d_S; a focus put between middle and corner is d_0 of the other sign. The object is taken as
+flat and across the axis: what depth adds is ``defocus``'s. Distortion stays the lens model's: points keep their
+centroids.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects.base import Effect, Stage, carried
+from interchange.image import Image
+from interchange.parameter import parameter
+from interchange.varying_psf import pupil, spread_over_field
+
+
+@dataclass(frozen=True)
+class FieldBlur(Effect):
+    stage = Stage.OPTICS
+    order = 28
+    source = (
+        "Welford: Aberrations of Optical Systems. Adam Hilger 1986, chapter 7 (transverse ray aberrations)."
+    )
+    achromatic = True
+    carried_by = carried(
+        axis="lens.field_blur.0",
+        tangential="lens.field_blur.1",
+        sagittal="lens.field_blur.2",
+        coma="lens.field_blur.3",
+    )
+
+    axis: float = parameter(
+        0.0, "d_0", "px", -100, 100, "diameter of the disc on the axis; its sign is a side"
+    )
+    tangential: float = parameter(0.0, "d_T", "px", -100, 100, "diameter added at the corner, outward")
+    sagittal: float = parameter(0.0, "d_S", "px", -100, 100, "diameter added at the corner, around the axis")
+    coma: float = parameter(0.0, "C", "px", -50, 50, "third of the length of the comatic flare at the corner")
+
+    def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        if not self.is_there:
+            return image
+        K = camera.K
+        pixels = spread_over_field(image.pixels, self.rays, camera.sensor.resolution, (K[0, 2], K[1, 2]))
+        return replace(image, pixels=pixels)
+
+    def rays(self, r: float) -> np.ndarray:
+        """(n, 2) px, outward and around, of rays that fill the pupil, at field radius ``r``."""
+        rho, phi = pupil()
+        flare = self.coma * r * rho**2
+        return np.stack(
+            [
+                (self.axis + self.tangential * r**2) / 2 * rho * np.cos(phi) + flare * (2 + np.cos(2 * phi)),
+                (self.axis + self.sagittal * r**2) / 2 * rho * np.sin(phi) + flare * np.sin(2 * phi),
+            ],
+            axis=-1,
+        )
+
+    def sigma(self, r: float) -> tuple[float, float]:
+        """Rms blur, px, outward and around, at field radius ``r``."""
+        outward = (self.axis + self.tangential * r**2) ** 2 / 16 + (self.coma * r) ** 2 / 2
+        around = (self.axis + self.sagittal * r**2) ** 2 / 16 + (self.coma * r) ** 2 / 6
+        return float(np.sqrt(outward)), float(np.sqrt(around))
