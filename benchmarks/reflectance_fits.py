@@ -167,7 +167,7 @@ def published() -> Iterator[str]:
     for row in rows:
         n, cxy, cz = (float(row[k]) for k in ("n", "Cxy", "Cz"))
         d, s = (tuple(float(row[f"rho_{k}_{c}"]) for c in "rgb") for k in "ds")
-        if n > 1e4 or max(s) == 0:
+        if max(s) == 0:
             left_out.append(row["material"])
             continue
         truth = from_published(d, s, cxy, cz, n)
@@ -187,7 +187,7 @@ def published() -> Iterator[str]:
         f"{len(off['n'])} of the {len(rows)} lobes of Ngan et al. 2005 (`assets/lafortune_fits`), each "
         "synthesised as 500 goniometer samples with 1 % noise and fitted without being told sign, scale or magnitude. "
         "Errors of rho_s, n: relative; of the others: absolute. Left out: "
-        f"{', '.join(left_out)} (an exponent above 10,000, the model's bound, or no lobe).\n"
+        f"{', '.join(left_out)} (has no lobe).\n"
     )
     yield from table(
         ["", "median error", "90th percentile", "largest"],

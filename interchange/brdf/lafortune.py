@@ -30,7 +30,7 @@ class Lafortune(Brdf):
     C: tuple[Color, ...] = parameter(
         (), "C", "1", -2, 2, "lobe weights along tangent, bitangent, normal", Kind.VECTOR, per_lobe=True
     )
-    n: tuple[float, ...] = parameter((), "n", "1", 0.01, 1e4, "lobe exponent", per_lobe=True)
+    n: tuple[float, ...] = parameter((), "n", "1", 0.01, 2e4, "lobe exponent", per_lobe=True)
 
     def f(self, wi: Any, wo: Any) -> Any:
         value = self.diffuse / np.pi + 0.0 * wi[2]  # type: ignore[operator]  # one channel

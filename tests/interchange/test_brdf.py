@@ -150,7 +150,7 @@ def test_parameters_out_of_bounds_are_all_named_with_unit_and_bounds():
     with pytest.raises(ParameterError) as error:
         Lafortune(diffuse=1.2, weight=[1], C=[(0, 0, 1)], n=[-3])
     assert "Lafortune.diffuse (ρ_d, diffuse albedo) must lie in [0, 1]; got 1.2." in str(error.value)
-    assert "Lafortune.n (n, lobe exponent) must lie in [0.01, 10000]; got -3." in str(error.value)
+    assert "Lafortune.n (n, lobe exponent) must lie in [0.01, 20000]; got -3." in str(error.value)
 
 
 def test_lobes_of_unequal_number_are_refused():
