@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdLux
 
+from composer.cli import main
 from interchange.camera import Camera, Lens, Sensor
 from interchange.colorimetry import luminous_efficacy, srgb_color
 from interchange.distortion import LensModel
@@ -149,3 +150,20 @@ def test_a_backlight_stays_visible() -> None:
     (back,) = SceneReader(author_scene(Scene(lights=(light,))), "s.usda").scene(0.0).lights
     assert back.visible
     assert back.radiance == pytest.approx(light.radiance, rel=1e-6)
+
+
+def test_power_and_projector_survive_collada(tmp_path: Path) -> None:
+    images.write_png(tmp_path / "i.png", np.full((4, 6, 3), 200, np.uint8))
+    text = (
+        '#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 0.001\n)\ndef SphereLight "L"\n{\n'
+        "    bool treatAsPoint = true\n    double lamp:power = 2\n    asset projector:image = @i.png@\n"
+        "    double2 projector:focalLength = (5, 5)\n}\n"
+        'def Mesh "M"\n{\n    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n    int[] faceVertexCounts = [3]\n'
+        "    int[] faceVertexIndices = [0, 1, 2]\n}\n"
+    )
+    (tmp_path / "s.usda").write_text(text)
+    assert main(["convert", str(tmp_path / "s.usda"), str(tmp_path / "s.dae")]) == 0
+    (a,), (b,) = (open_scene(tmp_path / name).scene().lights for name in ("s.usda", "s.dae"))
+    assert b.projector is not None
+    assert emitted_power(b) == pytest.approx([2] * 3, rel=1e-6)
+    assert b.intensity == pytest.approx(a.intensity, rel=1e-6)

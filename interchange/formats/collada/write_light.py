@@ -22,7 +22,7 @@ def own_attributes(prim: Usd.Prim) -> list[str]:
 def write_light(prim: Usd.Prim, time: Usd.TimeCode, out: Output, reader: SceneReader) -> str | None:
     """The id of a new <light>; None, with a finding, for a lamp that has no numbers."""
     find = Finder(out.find.file)
-    light = read_light(prim, time, np.eye(4), find, reader.texture, reader.profile)
+    light = read_light(prim, time, np.eye(4), find, reader.texture, reader.profile, reader.projector)
     for problem in find.problems:
         out.find.loss(problem.message, prim, problem.where.attribute)
     if light is None:
@@ -47,7 +47,7 @@ def write_light(prim: Usd.Prim, time: Usd.TimeCode, out: Output, reader: SceneRe
                 exponent = light.focus + (1.0 if flat else 0.0)
                 add(kind, "falloff_exponent", format_numbers(np.array([exponent])), sid="falloff_exponent")
     plain = light.kind in (LightKind.DISTANT, LightKind.DOME) or not light.projected_area
-    if not plain or light.profile is not None or light.texture is not None or light.focus_tint != (0, 0, 0):
+    if not plain or light.beam is not None or light.texture is not None or light.focus_tint != (0, 0, 0):
         out.find.note("Other programs see a lamp without size or profile; the whole stands in <extra>.", prim)
     if any(prim.GetAttribute(n).GetNumTimeSamples() > 1 for n in own_attributes(prim)):
         out.find.note("Other programs see the lamp of one frame; its changes stand in <extra>.", prim)
