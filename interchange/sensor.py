@@ -64,6 +64,11 @@ class Sensor:
     read_noise: float = parameter(0.0, "σ_d", "e-", 0, 1e6, "temporal noise in the dark, rms")
     prnu: float = parameter(0.0, "PRNU", "1", 0, 1, "spread of the pixels' gain, rms")
     dsnu: float = parameter(0.0, "DSNU", "e-", 0, 1e6, "spread of the pixels' offset, rms")
+    prnu_row: float = parameter(0.0, "PRNU.row", "1", 0, 1, "spread of the rows' gain, rms")
+    prnu_column: float = parameter(0.0, "PRNU.col", "1", 0, 1, "spread of the columns' gain, rms")
+    dsnu_row: float = parameter(0.0, "DSNU.row", "e-", 0, 1e6, "spread of the rows' offset, rms")
+    dsnu_column: float = parameter(0.0, "DSNU.col", "e-", 0, 1e6, "spread of the columns' offset, rms")
+    hot_pixels: tuple[float, ...] = (0.0, 0.0)  # share of them, their mean dark current e-/s
     dark_current: float = parameter(0.0, "µ_I", "e-/s", 0, 1e9, "dark current")
     quantum_efficiency: Color = parameter((0, 0, 0), "η", "1", 0, 1, "electrons per photon", Kind.COLOR)
     wavelength_nm: Color = parameter(
@@ -92,7 +97,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         freeze(self)
-        freeze_numbers(self, color_crosstalk=6, color_correction=9, response_lut=None)
+        freeze_numbers(self, hot_pixels=2, color_crosstalk=6, color_correction=9, response_lut=None)
         object.__setattr__(self, "resolution", tuple(int(n) for n in self.resolution))
         object.__setattr__(self, "pixel_pitch", tuple(float(x) for x in self.pixel_pitch))
         object.__setattr__(self, "jpeg_subsampling", bool(self.jpeg_subsampling))

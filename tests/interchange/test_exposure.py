@@ -190,6 +190,43 @@ def test_the_fixed_pattern_belongs_to_the_serial_number():
     assert ((first - dark) / 5000).std() == pytest.approx(0.01, rel=0.01)
 
 
+def test_rows_and_columns_have_their_own_pattern():
+    """Spread of the means of rows and columns, less what pixels leave in them; 240 rows tell it to 5 % (1 sigma)."""
+    c = station(
+        resolution=(400, 240), responsivity=5000, prnu_row=0.01, prnu_column=0.02, full_well=1e5, dsnu=2.0,
+        dsnu_row=6.0, dsnu_column=3.0, serial_number="21884",
+    )  # fmt: skip
+    L = flat(1.0, (400, 240), 1)
+    bright, dark = (
+        expose(x, c, until=Quantity.ELECTRONS).pixels[..., 0] for x in (L, flat(0, (400, 240), 1))
+    )
+    assert dark.mean(axis=1).std() == pytest.approx(6.0, rel=0.15)
+    assert dark.mean(axis=0).std() == pytest.approx(3.0, rel=0.12)
+    alone = dark - dark.mean(axis=0) - dark.mean(axis=1)[:, None]
+    assert alone.std() == pytest.approx(2.0, rel=0.01)
+    gain = (bright - dark) / 5000
+    assert gain.mean(axis=1).std() == pytest.approx(0.01, rel=0.15)
+    assert gain.mean(axis=0).std() == pytest.approx(0.02, rel=0.12)
+    again = expose(L, c, until=Quantity.ELECTRONS).pixels[..., 0]
+    assert np.array_equal(bright, again)
+
+
+def test_hot_pixels_grow_with_the_exposure_time_and_have_its_noise():
+    c = station(resolution=(400, 240), hot_pixels=(0.01, 500.0), serial_number="7", full_well=1e6)
+    L = flat(0.0, (400, 240), 1)
+    one, four = (expose(L, c, t_exp=t, until=Quantity.ELECTRONS).pixels for t in (1.0, 4.0))
+    assert four == pytest.approx(4 * one, rel=1e-6)
+    hot = one[one > 0]
+    assert hot.size == pytest.approx(960, abs=4 * np.sqrt(960))  # binomial
+    assert hot.mean() == pytest.approx(500, abs=4 * 500 / np.sqrt(960))
+    assert np.median(hot) == pytest.approx(500 * np.log(2), rel=0.15)
+    rng = np.random.default_rng(0)
+    frames = np.stack([expose(L, c, rng=rng, until=Quantity.ELECTRONS).pixels for _ in range(30)])
+    ratio = frames.var(axis=0, ddof=1)[one > 50] / one[one > 50]
+    assert ratio.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / 29 / ratio.size))
+    assert not frames[:, one == 0].any()
+
+
 def test_a_seed_gives_the_same_frame_however_many_threads_work(monkeypatch):
     from concurrent.futures import ThreadPoolExecutor
 
@@ -215,6 +252,9 @@ def test_bands_of_rows_leave_no_trace():
         responsivity=8e3,
         prnu=0.02,
         dsnu=3,
+        prnu_column=0.01,
+        dsnu_row=2,
+        hot_pixels=(0.01, 800.0),
         mosaic="GBRG",
         demosaic="none",
         white_balance=(2, 1, 1.5),
