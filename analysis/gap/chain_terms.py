@@ -1,0 +1,110 @@
+"""Terms of every effect in ``interchange.effects`` that changes the mean image: differences of the chain itself.
+
+Which parameters there are, their units and their bounds, the effects' own files say. Where an effect grows with the
+square of its parameter (a blur's width) the term is the square.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from analysis.gap.state import State
+from analysis.gap.terms import Term
+from interchange.captures import Tolerances
+from interchange.effects import MODELS, Effect
+from interchange.parameter import Parameter, ParameterError, parameters
+
+NAMED = (
+    "vignetting", "defocus", "lateral_chromatic_aberration", "veiling_glare", "motion_blur", "black_level",
+    "exposure", "response_curve", "white_balance", "color_crosstalk", "rolling_shutter",
+)  # fmt: skip  # of the file contract's names, those of the chain that change the mean
+REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
+SEEN = 2e-4  # of the signal's rms: a parameter that changes less at its test step is not in the image
+RELATIVE_STEP, STEP = 0.01, 1e-3
+
+
+def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
+    """The terms that ``state``'s condition shows (linearised where the effects of the chain are the camera's own)."""
+    base = state.dn(())
+    signal = float(np.sqrt(np.mean((base - state.simulation.black) ** 2))) or 1.0
+    absolute = {"black_level": tolerances.black_level_dn, "exposure": tolerances.light_intensity}
+    terms = []
+    for name in (n for n in NAMED if n in MODELS):
+        model = MODELS[name]
+        for parameter, about in parameters(model).items():
+            if (name, parameter) in REDUNDANT:
+                continue
+            own = model.of(state.camera)
+            start = float(getattr(own, parameter))
+            step = _step(start, about)
+            change = [_changed(state, own, parameter, start + k * step, base) for k in (1, 2)]
+            if change[0] is None or change[1] is None or change[0] < SEEN * signal:
+                continue
+            power = 2 if change[1] > 3 * change[0] else 1
+            terms.append(
+                Term(
+                    cause=name,
+                    target="",
+                    parameter=parameter,
+                    unit=about.unit,
+                    spike=absolute.get(name, tolerances.flat_field / 2),
+                    field=_difference(model, parameter, power, start, step),
+                    relative=name not in absolute,
+                    power=power,
+                    low=0.0 if power == 2 or start <= about.low else -np.inf,
+                    kind="chain",
+                    start=start,
+                )
+            )
+    return terms
+
+
+def _step(start: float, about: Parameter) -> float:
+    span = min(about.high - about.low, 500.0)
+    return RELATIVE_STEP * abs(start) if start else STEP * span
+
+
+def _changed(state: State, own: Effect, parameter: str, value: float, base: np.ndarray) -> float | None:
+    try:
+        effect = replace(own, **{parameter: value})  # type: ignore[type-var]
+    except ParameterError:
+        return None
+    return float(np.sqrt(np.mean((state.dn([effect]) - base) ** 2)))
+
+
+def _difference(model: type[Effect], parameter: str, power: int, start: float, step: float) -> Any:
+    def field(s: State) -> np.ndarray:
+        now = next((e for e in s.effects if type(e) is model), model.of(s.camera))
+        own = float(getattr(model.of(s.camera), parameter)) if power == 1 else start
+        theta = (float(getattr(now, parameter)) - own) ** power
+        value = own + (theta + step**power) ** (1 / power)
+        others = [e for e in s.effects if type(e) is not model]
+        there = replace(now, **{parameter: value})  # type: ignore[type-var]
+        return s.take((s.dn([*others, there]) - s.simulation.dn) / np.float32(step**power))
+
+    return field
+
+
+def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], state: State) -> list[Effect]:
+    """The effects whose chain terms are not at zero, within their bounds."""
+    found: dict[str, dict[str, float]] = {}
+    for term in terms:
+        if term.kind == "chain" and theta.get(term.key, 0.0):
+            found.setdefault(term.cause, {})[term.parameter] = theta[term.key]
+    made = []
+    for name, values in found.items():
+        model = MODELS[name]
+        own = model.of(state.camera)
+        about = parameters(model)
+        given = {}
+        for term in terms:
+            if term.cause == name and term.parameter in values:
+                t = values[term.parameter]
+                start = float(getattr(own, term.parameter))
+                value = start + (max(t, 0.0) ** 0.5 if term.power == 2 else t)
+                limits = about[term.parameter]
+                given[term.parameter] = float(np.clip(value, limits.low, limits.high))
+        made.append(replace(own, **given))  # type: ignore[type-var]
+    return made

@@ -1,0 +1,158 @@
+"""Captures put together: repeats are one condition, and some conditions are kept for the verdict alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.gap.expected import SATURATED, Expected, expected
+from analysis.gap.radiance import Rendered
+from interchange.camera import Camera
+from interchange.captures import Capture, Captures
+from interchange.effects import Effect
+from interchange.formats.document import Document
+from interchange.problems import BrightfieldError, FileError, Problem
+from interchange.scene import Scene
+
+HELD_OUT_SHARE = 4  # one condition in so many is held out
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Repeats of one thing: ``mean`` (H, W, C) DN over them, ``spread`` their variance (None without repeats)."""
+
+    captures: tuple[Capture, ...]
+    scene: Scene
+    camera: Camera  # with the captures' exposure and gain
+    mean: np.ndarray
+    spread: np.ndarray | None
+    mask: np.ndarray  # (H, W) bool
+    held_out: bool = False
+    rendered: Rendered | None = None
+
+    @property
+    def name(self) -> str:
+        return self.captures[0].image
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        return tuple(c.image for c in self.captures)
+
+    @property
+    def shown(self) -> Rendered:
+        if self.rendered is None:
+            raise BrightfieldError("A condition must be rendered before it is compared.")
+        return self.rendered
+
+    @property
+    def lamps(self) -> tuple[str, ...]:
+        """Names of the lamps that are on."""
+        return tuple(light.name for light in self.scene.lights if light.is_on)
+
+    def simulated(self, effects: Sequence[Effect] = ()) -> Expected:
+        """Expected DN, with the channels that the captures have."""
+        e = expected(self.shown.radiance(self.scene), self.camera, effects)
+        if self.mean.shape[2] == e.dn.shape[2]:
+            return e
+
+        def fitting(plane: np.ndarray) -> np.ndarray:
+            one = self.mean.shape[2] == 1
+            return plane.mean(axis=2, keepdims=True) if one else np.repeat(plane, 3, axis=2)
+
+        return Expected(fitting(e.dn), fitting(e.temporal), fitting(e.fixed), e.black, e.top)
+
+    def usable(self, simulation: Expected) -> np.ndarray:
+        """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""
+        import cv2
+
+        limit = SATURATED * simulation.top
+        hot = (simulation.dn.max(axis=2) >= limit) | (self.mean.max(axis=2) >= limit)
+        wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        return np.asarray(self.mask & ~wide)
+
+
+def conditions(captures: Captures, document: Document) -> list[Condition]:
+    """The captures by condition, each with the scene and the camera it shows, those to be held out marked.
+
+    Raises FileError with every capture that does not fit the scene.
+    """
+    problems: list[Problem] = []
+    groups: dict[tuple[object, ...], list[Capture]] = {}
+    stands: dict[tuple[object, ...], tuple[Scene, Camera]] = {}
+    scenes: dict[float, Scene] = {}
+    for capture in captures.captures:
+        scene = scenes.setdefault(capture.time, document.scene(capture.time))
+        try:
+            camera = scene.camera(capture.camera)
+        except BrightfieldError as error:
+            problems.append(Problem(str(error), replace(capture.where, prim=f"{capture.where.prim}.camera")))
+            continue
+        (w, h), shape = camera.sensor.resolution, capture.pixels.shape
+        if shape[:2] != (h, w):
+            message = f"A capture must have its camera's {w} x {h} px; {capture.image} has {shape[1]} x {shape[0]} px."
+            problems.append(Problem(message, replace(capture.where, prim=f"{capture.where.prim}.image")))
+            continue
+        if capture.bits and capture.pixels.max() > 2**camera.sensor.bits_out - 1:
+            message = (
+                f"DN must not exceed the camera's highest, {2**camera.sensor.bits_out - 1}; {capture.image} has "
+                f"{capture.pixels.max():g}: it is stretched, or sensor:bitDepth is wrong."
+            )
+            problems.append(Problem(message, replace(capture.where, prim=f"{capture.where.prim}.image")))
+            continue
+        gain = camera.sensor.gain_dB if capture.gain_dB is None else capture.gain_dB
+        camera = replace(camera, t_exp=capture.exposure, sensor=replace(camera.sensor, gain_dB=gain))
+        lights = tuple((x.name, x.intensity, x.world_from_light.tobytes()) for x in scene.lights)
+        bodies = tuple((id(b.mesh), b.world_from_body.tobytes(), b.material.name) for b in scene.bodies)
+        key = (
+            camera.name,
+            camera.world_from_camera.tobytes(),
+            capture.exposure,
+            gain,
+            lights,
+            bodies,
+            shape[2],
+        )
+        groups.setdefault(key, []).append(capture)
+        stands.setdefault(key, (scene, camera))
+    if problems:
+        raise FileError(problems)
+    found = [_condition(tuple(members), *stands[key]) for key, members in groups.items()]
+    return _split(found, captures.holdout)
+
+
+def _condition(members: tuple[Capture, ...], scene: Scene, camera: Camera) -> Condition:
+    stack = np.stack([c.pixels for c in members])
+    mask = np.all(
+        [c.mask if c.mask is not None else np.ones(stack.shape[1:3], bool) for c in members], axis=0
+    )
+    spread = stack.var(axis=0, ddof=1) if len(members) > 1 else None
+    return Condition(members, scene, camera, stack.mean(axis=0), spread, mask)
+
+
+def _split(found: list[Condition], holdout: Sequence[str]) -> list[Condition]:
+    """Whole conditions are held out: those named, else one in ``HELD_OUT_SHARE``, never the last of its camera."""
+    if holdout:
+        split = [replace(c, held_out=any(i in holdout for i in c.images)) for c in found]
+        if all(c.held_out for c in split):
+            raise BrightfieldError(
+                "holdout must leave one condition to fit to; it names one of every condition."
+            )
+        return split
+    if len(found) < 3:
+        raise BrightfieldError(
+            f"A diagnosis needs three different conditions or more (a lamp, a pose, an exposure), so that one can be "
+            f"held out; got {len(found)}."
+        )
+    chosen: set[int] = set()
+    order = [k for start in (HELD_OUT_SHARE - 1, 1, 2, 0) for k in range(start, len(found), HELD_OUT_SHARE)]
+    for k in order:
+        rest = [c for i, c in enumerate(found) if i != k and i not in chosen]
+        same_camera = [c for c in rest if c.camera.name == found[k].camera.name]
+        lamps = {name for c in rest for name in c.lamps}
+        if same_camera and set(found[k].lamps) <= lamps and found[k].lamps:
+            chosen.add(k)
+        if len(chosen) >= max(1, round(len(found) / HELD_OUT_SHARE)):
+            break
+    if not chosen:
+        chosen = {len(found) - 1}
+    return [replace(c, held_out=i in chosen) for i, c in enumerate(found)]

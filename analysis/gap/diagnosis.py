@@ -1,0 +1,121 @@
+"""The diagnosis as data: what ``diagnosis.json`` says (file contract, part 3)."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.gap.ledger import Ledger
+from analysis.gap.shrinkage import Gap
+
+STAGES = {
+    "scene": ("camera_pose", "object_pose", "geometry", "light_position", "light_intensity", "light_beam", "light_size",
+              "light_spectrum", "ambient_light", "interreflection", "shadow"),
+    "material": ("albedo", "gloss", "anisotropy", "texture", "translucency"),
+    "optics": ("lens_distortion", "principal_point", "vignetting", "defocus", "lateral_chromatic_aberration",
+               "veiling_glare", "motion_blur", "rolling_shutter"),
+    "sensor": ("sensor_noise", "exposure", "saturation", "color_crosstalk", "fixed_pattern"),
+    "readout": ("black_level", "response_curve", "white_balance", "jpeg", "quantization"),
+}  # fmt: skip
+
+
+def stage_of(effect: str) -> str:
+    return next(stage for stage, names in STAGES.items() if effect in names)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    value: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that the evidence supports. ``gap_without``: χ on held-out captures with all others but it."""
+
+    name: str
+    probability: float
+    parameters: dict[str, Estimate]
+    rivals: tuple[tuple[str, float], ...]
+    separate_by: str | None
+    gap_without: float
+    gap_with: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """``unknown``: the generic families that the evidence asks for, in words, with their probabilities.
+
+    ``notes``: what limits the diagnosis, one sentence each.
+    """
+
+    effects: tuple[Finding, ...]
+    unknown: tuple[tuple[str, float], ...]
+    gap: Gap
+    where: Ledger
+    corrected_scene: str
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        words = [w for w, there in (("effects", self.effects), ("unknown", self.unknown)) if there]
+        return "+".join(words) or "none"
+
+
+def record(d: Diagnosis) -> dict[str, Any]:
+    g = d.gap
+    return {
+        "verdict": d.verdict,
+        "effects": [
+            {
+                "name": f.name,
+                "stage": stage_of(f.name),
+                "probability": f.probability,
+                "parameters": {
+                    n: {"value": p.value, "sigma": p.sigma, "unit": p.unit} for n, p in f.parameters.items()
+                },
+                "rivals": [{"name": n, "probability": p} for n, p in f.rivals],
+                "separate_by": f.separate_by,
+                "gap_without": f.gap_without,
+                "gap_with": f.gap_with,
+            }
+            for f in d.effects
+        ],
+        "gap": {
+            "unit": "chi",
+            "before": g.before,
+            "after": g.after,
+            "noise_floor": g.noise_floor,
+            "ci95_before": list(g.ci95_before),
+            "ci95_after": list(g.ci95_after),
+            "rmse_dn_before": g.rmse_dn_before,
+            "rmse_dn_after": g.rmse_dn_after,
+            "explained": g.explained,
+            "held_out": list(g.held_out),
+        },
+        "where": {
+            "total": d.where.total,
+            "by_region": [{"kind": s.kind, "name": s.name, "share": s.share} for s in d.where.shares],
+        },
+        "corrected_scene": d.corrected_scene,
+        "seconds": d.seconds,
+    }
+
+
+def write(path: Path, d: Diagnosis) -> None:
+    write_text(path, json.dumps(record(d), indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Beside its place, and renamed there."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)
+
+
+def names(findings: Sequence[Finding]) -> str:
+    return ", ".join(f.name.replace("_", " ") for f in findings)

@@ -1,0 +1,79 @@
+"""The DN that a sensor is expected to give, not rounded, and their variance: what captures are compared with.
+
+    var(DN) = K² (e + µ_I t + σ_d²) + 1/12       temporal, EMVA 1288
+            + K² ((PRNU e)² + DSNU²)             fixed pattern, which is not known pixel by pixel
+
+times the square of the response curve's slope.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects import Effect, chain
+from interchange.effects.response_curve import ResponseCurve
+from interchange.exposure import steps_of
+from interchange.image import Image, Quantity
+
+DRAWN_BY_LOT = ("fixed_pattern", "quantization", "jpeg")  # no part of the mean
+SATURATED = 0.95  # of the highest DN
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """``dn``, ``temporal`` and ``fixed`` (variances, DN²), (H, W, C) float32; ``top``: the highest DN."""
+
+    dn: np.ndarray
+    temporal: np.ndarray
+    fixed: np.ndarray
+    black: float
+    top: float
+
+    @property
+    def variance(self) -> np.ndarray:
+        return self.temporal + self.fixed
+
+
+def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
+    """(H, W, C) float32: the mean DN of many frames, neither rounded nor clipped."""
+    through, camera = chain(camera, effects)
+    curve = next((e for e in through if isinstance(e, ResponseCurve)), None)
+    steps = steps_of(camera, [e for e in through if e.name() not in (*DRAWN_BY_LOT, "response_curve", "saturation")],
+                     Quantity.DN)  # fmt: skip
+    out = image
+    for step in steps:
+        if step.name != "rounding":
+            out = step.function(out, None)
+    pixels = out.pixels
+    if curve is not None:
+        full = 2**camera.sensor.bit_depth - 1
+        x = np.clip(pixels / full, 0, 1)
+        pixels = (curve.curve(x) * (2**camera.sensor.bits_out - 1)).astype(np.float32)
+    return np.asarray(pixels, np.float32)
+
+
+def expected(radiance: np.ndarray, camera: Camera, effects: Sequence[Effect] = ()) -> Expected:
+    """The expectation of a capture of ``radiance`` (H, W, 3) by ``camera`` at its exposure and gain."""
+    dn = mean_dn(Image(radiance, Quantity.RADIANCE, camera), camera, effects)
+    camera = chain(camera, effects)[1]
+    temporal, fixed = noise_variance(dn, camera)
+    return Expected(dn, temporal, fixed, camera.sensor.black_level, float(2**camera.sensor.bits_out - 1))
+
+
+def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Temporal and fixed-pattern variance, DN², float32, of pixels whose mean is ``dn``."""
+    sensor = camera.sensor
+    linear, slope = np.asarray(dn, np.float64), np.ones(1)
+    curve = ResponseCurve.of(camera)
+    if curve.is_there:
+        x = np.linspace(1e-4, 1, 4096)
+        y = curve.curve(x) * (2**sensor.bits_out - 1)
+        full = 2**sensor.bit_depth - 1
+        linear = np.interp(dn, y, x * full)
+        slope = np.interp(dn, y, np.gradient(y, x * full))
+    electrons = np.maximum((linear - sensor.black_level) / sensor.K, 0)
+    temporal = sensor.K**2 * (electrons + sensor.read_noise**2) * slope**2 + 1 / 12
+    fixed = sensor.K**2 * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2) * slope**2
+    return temporal.astype(np.float32), fixed.astype(np.float32)

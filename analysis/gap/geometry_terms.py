@@ -1,0 +1,130 @@
+"""Terms that move the image: cameras, lenses, objects.
+
+A point X of the camera's frame, at pixel (u, v), moves by δX = τ + ω × X; a lens moves normalised coordinates by
+Brown's model.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.state import State
+from analysis.gap.terms import Flow, Term, moving
+from interchange.camera import Projection
+from interchange.captures import Tolerances
+
+LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
+
+
+def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    terms: list[Term] = []
+    for name in dict.fromkeys(stand(c) for c in conditions):
+        terms += _pose(name, next(c for c in conditions if stand(c) == name), tolerances.registration_px)
+    for name in dict.fromkeys(c.camera.name for c in conditions):
+        for axis, parameter in enumerate(("cx", "cy")):
+
+            def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:
+                if s.camera.name != name:
+                    return None
+                one, nothing = np.ones(s.grid[0].shape), np.zeros(s.grid[0].shape)
+                return (one, nothing) if axis == 0 else (nothing, one)
+
+            terms.append(moving("principal_point", name, parameter, "px", tolerances.registration_px, flow))
+    terms += _lens(conditions[0], tolerances.registration_px)
+    return terms + _objects(conditions, tolerances)
+
+
+def stand(condition: Condition) -> str:
+    """A camera where it stands: the same name at another pose is registered anew."""
+    pose = np.round(condition.camera.world_from_camera[:3, 3] * 1e3, 1)
+    return f"{condition.camera.name} at ({pose[0]:g}, {pose[1]:g}, {pose[2]:g}) mm"
+
+
+def _projected(state: State, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """px that points of ``state`` move by where they move by ``delta`` (h, w, 3) m in the camera's frame."""
+    X, K = state.in_camera, state.camera.K
+    if state.camera.lens.projection is Projection.ORTHOGRAPHIC:
+        return K[0, 0] * delta[..., 0], K[1, 1] * delta[..., 1]
+    z = np.maximum(X[..., 2], 1e-6)
+    du = K[0, 0] * (delta[..., 0] - X[..., 0] / z * delta[..., 2]) / z
+    dv = K[1, 1] * (delta[..., 1] - X[..., 1] / z * delta[..., 2]) / z
+    return du, dv
+
+
+def _pose(name: str, condition: Condition, px: float) -> list[Term]:
+    depth = condition.shown.passes["depth"]
+    z = float(np.median(depth[np.isfinite(depth)])) if np.isfinite(depth).any() else 1.0
+    K = condition.camera.K
+    f = K[0, 0]
+    near = f if condition.camera.lens.projection is Projection.ORTHOGRAPHIC else f / z
+    terms = []
+    for axis in range(3):
+        unit = np.eye(3)[axis]
+
+        def shift(s: State, unit: np.ndarray = unit) -> tuple[np.ndarray, np.ndarray] | None:
+            return (
+                _projected(s, np.broadcast_to(1e-3 * unit, s.in_camera.shape))
+                if stand(s.condition) == name
+                else None
+            )
+
+        def turn(s: State, unit: np.ndarray = unit) -> tuple[np.ndarray, np.ndarray] | None:
+            return _projected(s, 1e-3 * np.cross(unit, s.in_camera)) if stand(s.condition) == name else None
+
+        reach = np.hypot(*condition.camera.sensor.resolution) / 2 / f if axis == 2 else 1.0
+        tau = px / (1e-3 * near * (reach if axis == 2 else 1.0)) / np.sqrt(3)
+        omega = px / (1e-3 * f * reach) / np.sqrt(3)
+        terms.append(moving("camera_pose", name, f"t{'xyz'[axis]}", "mm", tau, shift))
+        terms.append(moving("camera_pose", name, f"r{'xyz'[axis]}", "mrad", omega, turn))
+    return terms
+
+
+def _lens(condition: Condition, px: float) -> list[Term]:
+    K, (w, h) = condition.camera.K, condition.camera.sensor.resolution
+    corner = float(np.hypot(w / 2 / K[0, 0], h / 2 / K[1, 1]))
+
+    def flow(number: int) -> Flow:
+        def moved(s: State) -> tuple[np.ndarray, np.ndarray]:
+            K = s.camera.K
+            x, y = (s.grid[0] - K[0, 2]) / K[0, 0], (s.grid[1] - K[1, 2]) / K[1, 1]
+            r2 = x * x + y * y
+            dx, dy = (
+                (x * r2, y * r2),
+                (x * r2 * r2, y * r2 * r2),
+                (2 * x * y, r2 + 2 * y * y),
+                (r2 + 2 * x * x, 2 * x * y),
+            )[number]
+            return K[0, 0] * dx, K[1, 1] * dy
+
+        return moved
+
+    order = (3, 5, 2, 2)
+    return [
+        moving("lens_distortion", "", name, "1", px / (K[0, 0] * corner ** order[i]), flow(i))
+        for i, name in enumerate(("k1", "k2", "p1", "p2"))
+    ]
+
+
+def _objects(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    counts: dict[str, int] = {}
+    for condition in conditions:
+        ids = condition.shown.passes["object_id"]
+        names = condition.shown.scene.object_names
+        for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
+            counts[names[k]] = max(counts.get(names[k], 0), int(n))
+    terms = []
+    for name in [n for n, count in counts.items() if count >= LEAST_PIXELS]:
+        for axis in range(3):
+
+            def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:
+                names = s.shown.scene.object_names
+                if name not in names:
+                    return None
+                mask = s.take(s.shown.passes["object_id"]) == names.index(name)
+                delta = 1e-3 * s.camera.camera_from_world[:3, axis]
+                du, dv = _projected(s, np.broadcast_to(delta, s.in_camera.shape))
+                return du * mask, dv * mask
+
+            terms.append(moving("object_pose", name, "xyz"[axis], "mm", tolerances.object_pose_mm, flow))
+    return terms

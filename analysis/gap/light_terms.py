@@ -1,0 +1,174 @@
+"""Terms of lamps and materials, from what each lamp gives to each pixel.
+
+∂S/∂p = S_l (n / (n · d) - 3 d / r²),  d = p - x     position of a small lamp
+∂S/∂m = Σ S_l ln cos θ                               beam cos^m θ about the lamp's axis
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.state import State
+from analysis.gap.terms import Field, Term
+from interchange.captures import Tolerances
+from interchange.light import Light, LightKind
+
+FAR = (LightKind.DISTANT, LightKind.DOME)
+
+
+def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    t = tolerances
+    lights = {x.name: x for c in conditions for x in c.shown.scene.lights}
+    terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
+    near = [n for n, x in lights.items() if x.kind not in FAR]
+    terms += [
+        Term("light_position", n, "xyz"[axis], "mm", t.light_position_mm, _position(n, axis))
+        for n in near
+        for axis in range(3)
+    ]
+    if near:
+        terms.append(Term("light_beam", "", "m", "1", t.flat_field / 2, _beam(near), relative=True))
+    terms += [
+        Term(
+            "fixed to the lamp",
+            n,
+            "xy"[axis],
+            "1",
+            t.flat_field / 2,
+            _gradient(n, axis),
+            relative=True,
+            generic=True,
+        )
+        for n in near
+        for axis in range(2)
+    ]
+    channels = max(c.mean.shape[2] for c in conditions)
+    terms += [
+        Term(
+            "ambient_light",
+            "",
+            _channel(k, channels),
+            "W/(m^2 sr)",
+            t.flat_field / 2,
+            _ambient(k),
+            relative=True,
+        )
+        for k in range(channels)
+    ]
+    if any(c.shown.indirect is not None for c in conditions):
+        terms.append(
+            Term("interreflection", "", "scale", "1", t.flat_field / 2, _indirect, relative=True, start=1.0)
+        )
+    for name in dict.fromkeys(m for c in conditions for m in c.shown.scene.material_names):
+        terms += [
+            Term("albedo", name, _channel(k, channels), "1", t.albedo, _albedo(name, k), start=1.0)
+            for k in range(channels)
+        ]
+    return terms
+
+
+def _channel(k: int, channels: int) -> str:
+    return "RGB"[k] if channels == 3 else "Y"
+
+
+def _lamp(name: str) -> Field:
+    return lambda s: s.lamps.get(name)
+
+
+def _light(state: State, name: str) -> Light:
+    return next(x for x in state.shown.scene.lights if x.name == name)
+
+
+def _from_lamp(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors (h, w, 3) m from points to the lamp, and their lengths (h, w, 1)."""
+    d = _light(state, name).world_from_light[:3, 3] - state.position
+    return d, np.maximum(np.linalg.norm(d, axis=-1, keepdims=True), 1e-6)
+
+
+def _position(name: str, axis: int) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        if name not in s.lamps:
+            return None
+        d, r = _from_lamp(s, name)
+        n = s.normal
+        cos = np.maximum(np.sum(n * d, axis=-1, keepdims=True), 0.05 * r)
+        slope = 1e-3 * (n[..., axis, None] / cos - 3 * d[..., axis, None] / r**2)
+        return s.lamps[name] * slope.astype(np.float32)
+
+    return field
+
+
+def _axes(state: State, name: str) -> np.ndarray:
+    """(3, 3): the lamp's axes in the world; z against its beam, which points to the scene's middle where a lamp
+    shines everywhere alike."""
+    light = _light(state, name)
+    if (
+        light.kind in (LightKind.DISK, LightKind.RECT)
+        or light.cone_angle < np.pi
+        or light.profile is not None
+    ):
+        return light.world_from_light[:3, :3]
+    z = light.world_from_light[:3, 3] - state.shown.scene.bounds.mean(axis=0)
+    z = z / np.linalg.norm(z)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _beam(names: Sequence[str]) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        total = None
+        for name in names:
+            if name in s.lamps:
+                d, r = _from_lamp(s, name)
+                cos = np.clip((d / r) @ _axes(s, name)[:, 2], 0.05, 1.0)[..., None]
+                part = s.lamps[name] * np.log(cos).astype(np.float32)
+                total = part if total is None else total + part
+        return total
+
+    return field
+
+
+def _gradient(name: str, axis: int) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        if name not in s.lamps:
+            return None
+        d, r = _from_lamp(s, name)
+        return s.lamps[name] * ((d / r) @ _axes(s, name)[:, axis])[..., None].astype(np.float32)
+
+    return field
+
+
+def _ambient(k: int) -> Field:
+    def field(s: State) -> np.ndarray:
+        column = s.per_radiance * s.channels(s.take(s.shown.ambient))
+        out = np.zeros_like(column)
+        out[..., k] = column[..., k]
+        return out
+
+    return field
+
+
+def _indirect(s: State) -> np.ndarray | None:
+    share = s.shown.indirect
+    return None if share is None or not s.lamps else s.signal * s.channels(s.take(share))
+
+
+def _albedo(name: str, k: int) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        names = s.shown.scene.material_names
+        if name not in names or not s.lamps:
+            return None
+        mask = s.take(s.shown.passes["material_id"]) == names.index(name)
+        out = np.zeros_like(s.signal)
+        out[..., k] = s.signal[..., k] * mask
+        return out
+
+    return field
+
+
+def surface_coordinates(state: State) -> np.ndarray:
+    """(h, w, 3) in [0, 1] over the scene's bounds."""
+    low, high = state.shown.scene.bounds
+    return np.clip((state.position - low) / np.maximum(high - low, 1e-9), 0, 1)

@@ -1,0 +1,39 @@
+"""Both renderers as the diagnosis calls them, with settings that name every image they make."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from analysis.gap.radiance import Render
+from interchange.camera import Camera
+from interchange.image import Image
+from interchange.scene import Scene
+
+NAMES = ("offline", "realtime")
+SAMPLES = {"offline": 32, "realtime": 16}
+
+
+@contextmanager
+def renderer(name: str, samples: int = 0) -> Iterator[tuple[Render, dict[str, Any]]]:
+    """The renderer, and what decides its image. ``samples`` 0 takes as many as a diagnosis needs."""
+    samples = samples or SAMPLES[name]
+    if name == "offline":
+        from offline.renderers.cycles import Cycles
+        from offline.settings import CyclesSettings
+
+        settings = CyclesSettings(samples=samples, denoise=1)
+        with Cycles() as cycles:
+
+            def traced(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool) -> Image:
+                return cycles.render(scene, camera, settings, passes, per_light)
+
+            yield traced, {"renderer": "cycles", "indirect": True, **settings.as_dict()}
+    else:
+        from realtime.renderers.rasterizer import Rasterizer
+
+        with Rasterizer() as rasterizer:
+
+            def drawn(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool) -> Image:
+                return rasterizer.render(scene, camera, passes, per_light, samples)
+
+            yield drawn, {"renderer": "rasterizer", "indirect": False, "samples": samples}

@@ -1,0 +1,139 @@
+"""One condition as the model stands: simulated DN, and what sensitivities are made of, on every ``stride``-th pixel."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.expected import Expected, mean_dn
+from analysis.gap.radiance import Rendered
+from interchange.effects import Effect
+from interchange.filtering import resample
+from interchange.frames import apply
+from interchange.image import Image, Quantity
+
+
+class State:
+    """``effects`` are in the chain; ``flow`` (H, W, 2) px moves what was rendered (where it goes to, minus where it
+    is). ``stride``: sensitivities are taken on every so many rows and columns."""
+
+    def __init__(
+        self,
+        condition: Condition,
+        effects: Sequence[Effect] = (),
+        flow: np.ndarray | None = None,
+        stride: int = 1,
+    ) -> None:
+        self.condition, self.effects, self.stride = condition, tuple(effects), stride
+        self.camera, self.shown = condition.camera, condition.shown
+        if flow is not None:
+            self.shown = _moved(self.shown, flow)
+        self.moved = replace(condition, rendered=self.shown)
+
+    def take(self, plane: np.ndarray) -> np.ndarray:
+        return plane[:: self.stride, :: self.stride]
+
+    def channels(self, dn: np.ndarray) -> np.ndarray:
+        """(H, W, C) with as many channels as the captures have."""
+        wanted = self.condition.mean.shape[2]
+        if dn.shape[2] == wanted:
+            return dn
+        return dn.mean(axis=2, keepdims=True) if wanted == 1 else np.repeat(dn, 3, axis=2)
+
+    @cached_property
+    def radiance(self) -> np.ndarray:
+        return self.shown.radiance(self.condition.scene)
+
+    @cached_property
+    def simulation(self) -> Expected:
+        return self.moved.simulated(self.effects)
+
+    def dn(self, effects: Sequence[Effect]) -> np.ndarray:
+        """(H, W, C): mean DN with these effects in the chain."""
+        image = Image(self.radiance, Quantity.RADIANCE, self.camera, passes=self.shown.passes)
+        return self.channels(mean_dn(image, self.camera, effects))
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        return self.take(self.condition.mean - self.simulation.dn)
+
+    @cached_property
+    def usable(self) -> np.ndarray:
+        return self.take(self.condition.usable(self.simulation))
+
+    @cached_property
+    def per_radiance(self) -> np.ndarray:
+        """(h, w, C): DN per radiance at each pixel, taken as if each pixel were alone."""
+        one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.camera, passes=self.shown.passes)
+        none = replace(one, pixels=np.zeros_like(self.radiance))
+        difference = mean_dn(one, self.camera, self.effects) - mean_dn(none, self.camera, self.effects)
+        return self.take(self.channels(difference))
+
+    @cached_property
+    def lamps(self) -> dict[str, np.ndarray]:
+        """(h, w, C) DN that each lamp which is on gives."""
+        out = {}
+        for name, weight in self.shown.weights(self.condition.scene).items():
+            if weight.any():
+                L = self.channels(self.take(self.shown.lamps[name]) * weight.astype(np.float32))
+                out[name] = self.per_radiance * L
+        return out
+
+    @cached_property
+    def signal(self) -> np.ndarray:
+        """(h, w, C) DN above black."""
+        return self.per_radiance * self.channels(self.take(self.radiance))
+
+    @cached_property
+    def gradient(self) -> tuple[np.ndarray, np.ndarray]:
+        """(h, w, C) DN/px along columns and along rows."""
+        dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
+        return self.take(dx), self.take(dy)
+
+    @cached_property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """(h, w) column and row of every pixel that is taken."""
+        h, w = self.condition.mean.shape[:2]
+        column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+        return self.take(column), self.take(row)
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        """(h, w, 3) m in the world; far away on the pixel's ray where nothing is seen."""
+        seen = self.take(self.shown.passes["position"]).astype(np.float64)
+        if np.isnan(seen).any():
+            origin, direction = self.camera.rays(np.stack(self.grid, axis=-1))
+            seen = np.where(np.isnan(seen), origin + 1e4 * direction, seen)
+        return seen
+
+    @cached_property
+    def in_camera(self) -> np.ndarray:
+        """(h, w, 3) m in the camera's frame."""
+        return apply(self.camera.camera_from_world, self.position)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        return np.nan_to_num(self.take(self.shown.passes["normal"]))
+
+    def shifted(self, du: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        """(h, w, C): what DN change by where the scene moves by (du, dv) px."""
+        dx, dy = self.gradient
+        return np.asarray(-(dx * du[..., None] + dy * dv[..., None]), np.float32)
+
+
+def _moved(shown: Rendered, flow: np.ndarray) -> Rendered:
+    h, w = flow.shape[:2]
+    column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+    x, y = (column - flow[..., 0]).astype(np.float32), (row - flow[..., 1]).astype(np.float32)
+
+    def there(plane: np.ndarray) -> np.ndarray:
+        return resample(np.ascontiguousarray(plane), x, y)
+
+    return replace(
+        shown,
+        lamps={name: there(plane) for name, plane in shown.lamps.items()},
+        rest=there(shown.rest) if shown.rest.any() else shown.rest,
+        ambient=there(shown.ambient),
+    )

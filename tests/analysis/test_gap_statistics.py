@@ -1,0 +1,104 @@
+"""The diagnosis's arithmetic against closed forms."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from analysis.gap.evidence import SLABS, Evidence, posterior
+from analysis.gap.ledger import bands, fixed_to
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.regions import ZONES, zones
+from analysis.gap.terms import Term
+
+
+def _terms(causes: list[str], spike: float, low: float = -np.inf) -> list[Term]:
+    field: Callable[..., None] = lambda state: None  # noqa: E731
+    return [Term(c, "", f"p{i}", "1", spike, field, low=low) for i, c in enumerate(causes)]
+
+
+def _equations(X: np.ndarray, y: np.ndarray) -> NormalEquations:
+    return NormalEquations(X.T @ X, X.T @ y, float(y @ y), float(len(y)))
+
+
+def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
+    """Differences of log Z equal those of N(y; 0, 1 + X P⁻¹ X'), computed densely: the Woodbury form is exact."""
+    X, y = rng.standard_normal((40, 5)), rng.standard_normal(40)
+    evidence = Evidence(_equations(X, y), _terms(["a", "a", "b", "c", "d"], 0.01))
+
+    def dense(wide: dict[int, float]) -> float:
+        sd = np.full(5, 0.01)
+        for i, s in wide.items():
+            sd[i] = s
+        return float(multivariate_normal(np.zeros(40), np.eye(40) + (X * sd**2) @ X.T).logpdf(y))
+
+    none, slab = evidence.at((), ()), SLABS[1]
+    share = evidence.e.share
+    wide = {i: max(slab / share[i] / np.sqrt(2 if i < 2 else 1), 0.02) for i in range(3)}
+    both = evidence.at((("a", ""), ("b", "")), (slab, slab))
+    expected = dense(wide) - dense({}) - 2 * np.log(len(SLABS))
+    assert both.log_Z - none.log_Z == pytest.approx(expected, abs=1e-8)
+    A = X.T @ X + np.diag([1 / wide.get(i, 0.01) ** 2 for i in range(5)])
+    assert both.theta == pytest.approx(np.linalg.solve(A, X.T @ y), abs=1e-10)
+    assert evidence.sigma(both) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(A))), rel=1e-8)
+
+
+def test_the_search_finds_two_causes_among_many(rng: np.random.Generator) -> None:
+    X = rng.standard_normal((4000, 8))
+    y = X @ [0, 0.2, 0, 0, 0.15, 0, 0, 0] + rng.standard_normal(4000)
+    evidence = Evidence(_equations(X, y), _terms(list("abcdefgh"), 0.002))
+    best = evidence.search()
+    assert best[0].causes == (("b", ""), ("e", ""))
+    p = posterior(best)
+    assert p["b", ""] > 0.99
+    assert p["e", ""] > 0.99
+    assert max(v for k, v in p.items() if k[0] not in "be") < 0.2
+
+
+def test_noise_alone_has_no_cause() -> None:
+    """Ten draws; one cause called in a hundred thousand hypotheses would be chance."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        X = rng.standard_normal((1000, 8))
+        y = X @ (0.002 * rng.standard_normal(8)) + rng.standard_normal(1000)
+        assert Evidence(_equations(X, y), _terms(list("abcdefgh"), 0.002)).search()[0].causes == ()
+
+
+def test_a_term_below_what_it_may_be_does_not_count(rng: np.random.Generator) -> None:
+    X = rng.standard_normal((1000, 2))
+    y = X @ [-0.3, 0.0] + rng.standard_normal(1000)
+    evidence = Evidence(_equations(X, y), _terms(["a", "b"], 0.002, low=0.0))
+    assert evidence.at((("a", ""),), (SLABS[1],)).log_Z == -np.inf
+
+
+def test_bands_are_orthonormal(rng: np.random.Generator) -> None:
+    z = rng.standard_normal((45, 70, 3))
+    energy = bands(z)
+    assert sum(energy) == pytest.approx((z**2).sum(), rel=1e-12)  # Parseval
+    assert bands(np.ones((64, 64, 1)))[:-1] == [0.0] * 5
+    checker = np.indices((64, 64)).sum(0)[..., None] % 2 - 0.5
+    assert bands(checker)[0] == pytest.approx((checker**2).sum())
+
+
+def test_shares_of_families_add_up_to_what_they_explain_together(rng: np.random.Generator) -> None:
+    X = rng.standard_normal((300, 6))
+    X[:, 3] = X[:, 0] + 0.1 * X[:, 3]  # confusable
+    y = X[:, 0] + 0.5 * X[:, 5] + rng.standard_normal(300)
+    families = {"u": np.array([0, 1]), "v": np.array([2, 3]), "w": np.array([4, 5])}
+    found = fixed_to(families, X.T @ X, X.T @ y, float(y @ y), np.full(6, 1e3))
+    fitted = X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    assert sum(found.values()) == pytest.approx(fitted @ fitted / (y @ y), rel=1e-6)
+    assert found["u"] == pytest.approx(found["v"], rel=0.05)  # they can stand for each other
+
+
+@pytest.mark.parametrize("shape", [(9, 9), (37, 50), (3, 4)])
+def test_every_pixel_lies_in_one_zone(shape: tuple[int, int]) -> None:
+    found = zones(shape)
+    assert set(found) == set(ZONES)
+    assert (sum(m.astype(int) for m in found.values()) == 1).all()
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
