@@ -9,44 +9,62 @@ layout(location = 1) out vec4 facet;
 const float BENT = 0.02;    // rad between a sample's normal and their mean
 const float APART = 1e-3;   // of the depth, between a sample and the first one's facet, moved to their mean
 
+ivec2 first;
+precise vec4 mean;
+vec2 across;
+float body, least;
+#ifdef TANGENT
+vec3 tangent;
+
+vec3 tangent_of(vec4 s, ivec2 step)
+{
+    vec3 b1, b2;
+    basis(from_octahedral(s.yz), b1, b2);
+    vec2 turn = from_diamond(texelFetch(g_facet, first + step, 0).z);
+    return turn.x * b1 + turn.y * b2;
+}
+#endif
+
+// Whether a sample lies on the surface that the mean stands for.
+bool agrees(vec4 s, ivec2 step)
+{
+    vec2 de = s.yz - mean.yz;
+    float dz = dot(across, de);
+    bool found = s.w == body && dot(de, de) + dz * dz < least
+        && abs(s.x - mean.x - dot(facet.xy, vec2(step) - 0.5)) < APART * abs(mean.x);
+#ifdef TANGENT
+    vec3 swirl = tangent_of(s, step) - tangent;
+    found = found && dot(swirl, swirl) < BENT * BENT;
+#endif
+    return found;
+}
+
+// Written out: a loop would index the samples at run time, which costs a software rasteriser more than all the rest.
 void main()
 {
-    ivec2 first = 2 * ivec2(gl_FragCoord.xy);
-    vec4 s[4];
-    for (int i = 0; i < 4; ++i) s[i] = texelFetch(g_surface, first + ivec2(i & 1, i >> 1), 0);
-    float body = max(max(s[0].w, s[1].w), max(s[2].w, s[3].w));
+    first = 2 * ivec2(gl_FragCoord.xy);
+    const ivec2 RIGHT = ivec2(1, 0), UP = ivec2(0, 1);
+    vec4 a = texelFetch(g_surface, first, 0), b = texelFetch(g_surface, first + RIGHT, 0);
+    vec4 c = texelFetch(g_surface, first + UP, 0), d = texelFetch(g_surface, first + 1, 0);
+    body = max(max(a.w, b.w), max(c.w, d.w));
     if (body < 0.0) discard;
     facet = texelFetch(g_facet, first, 0);
-    vec4 mean = 0.25 * (s[0] + s[1] + s[2] + s[3]);
+    mean = 0.25 * (a + b + c + d);
     // bent is measured in the octahedron: a step de of the code turns the normal by |dv| / |v| at most
-    vec2 across = vec2(mean.y >= 0.0 ? 1.0 : -1.0, mean.z >= 0.0 ? 1.0 : -1.0);
+    across = vec2(mean.y >= 0.0 ? 1.0 : -1.0, mean.z >= 0.0 ? 1.0 : -1.0);
     vec3 v = vec3(mean.yz, 1.0 - dot(across, mean.yz));
     v.xy += min(v.z, 0.0) * across;
-    float least = BENT * BENT * dot(v, v);
+    least = BENT * BENT * dot(v, v);
 #ifdef TANGENT
-    vec3 t[4], b1, b2;
-    for (int i = 0; i < 4; ++i) {
-        basis(from_octahedral(s[i].yz), b1, b2);
-        vec2 turn = from_diamond(texelFetch(g_facet, first + ivec2(i & 1, i >> 1), 0).z);
-        t[i] = turn.x * b1 + turn.y * b2;
-    }
-    vec3 tangent = 0.25 * (t[0] + t[1] + t[2] + t[3]);
+    tangent = 0.25 * (tangent_of(a, ivec2(0)) + tangent_of(b, RIGHT) + tangent_of(c, UP) + tangent_of(d, ivec2(1)));
 #endif
-    bool smooth_here = true, alike = true;
-    for (int i = 0; i < 4; ++i) {
-        vec2 off = vec2(i & 1, i >> 1) - 0.5, de = s[i].yz - mean.yz;
-        float dz = dot(across, de);
-        smooth_here = smooth_here && s[i].w == body && dot(de, de) + dz * dz < least
-            && abs(s[i].x - mean.x - dot(facet.xy, off)) < APART * abs(mean.x);
-        alike = alike && (s[i].w == body || s[i].w < 0.0);
-#ifdef TANGENT
-        vec3 swirl = t[i] - tangent;
-        smooth_here = smooth_here && dot(swirl, swirl) < BENT * BENT;
-#endif
-    }
+    bool smooth_here = agrees(a, ivec2(0)) && agrees(b, RIGHT) && agrees(c, UP) && agrees(d, ivec2(1));
+    vec4 of = vec4(a.w, b.w, c.w, d.w);
+    bool alike = all(lessThan(min(abs(of - body), of + 1.0), vec4(0.5)));  // each is the body or nothing
     surface = vec4(mean.xyz, body);
     facet.xy *= 2.0;
 #ifdef TANGENT
+    vec3 b1, b2;
     basis(from_octahedral(mean.yz), b1, b2);
     facet.z = diamond(vec2(dot(tangent, b1), dot(tangent, b2)));
 #endif
