@@ -12,11 +12,14 @@ import numpy as np
 from interchange.material import Material, Texture
 from interchange.scene import Body
 from interchange.table import Table
+from realtime import polytope
+from realtime.lamps import Sample
 from realtime.materials import MaterialTable
 from realtime.uploads import VERTEX_FORMAT, VERTEX_NAMES, Geometry, Uploads
 
 INSTANCE_FORMAT = "4f 4f 4f 3f 3f 3f 1f /i"
 INSTANCE_NAMES = ("world_x", "world_y", "world_z", "normal_x", "normal_y", "normal_z", "number")
+MOST_FLAT = 16  # bodies of which it pays to find out whether they can cast shadows
 LOOKUP_WIDTH = 4096  # bodies a row of the lookup
 
 
@@ -64,6 +67,8 @@ class Bodies:
         self.bounds = np.zeros((2, 3))  # world, of all bodies
         self.centres = np.zeros((0, 3))  # world, of each body's bounding sphere
         self.radii = np.zeros(0)
+        self.corners = np.zeros((0, 8, 3))  # world, of each body's own box
+        self.flat: list[int] = []  # bodies that lie in a plane
         self.shape = 0  # counts changes of what casts shadows
         self.lookup: moderngl.Texture | None = None  # by body: row and group of its material
 
@@ -87,6 +92,7 @@ class Bodies:
 
     def _measure(self, bodies: tuple[Body, ...]) -> None:
         boxes = np.zeros((len(bodies), 2, 3))
+        self.corners = np.full((len(bodies), 8, 3), np.nan)
         for i, body in enumerate(bodies):
             if not len(body.mesh.vertices):
                 boxes[i] = np.nan
@@ -96,8 +102,15 @@ class Bodies:
             middle = M[:3, :3] @ ((low + high) / 2) + M[:3, 3]
             half = np.abs(M[:3, :3]) @ ((high - low) / 2)
             boxes[i] = middle - half, middle + half
+            self.corners[i] = np.concatenate(polytope.box(np.stack([low, high]))[:2]) @ M[:3, :3].T + M[:3, 3]
         self.centres, self.radii = boxes.mean(axis=1), np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1) / 2
         full = boxes[np.isfinite(boxes).all(axis=(1, 2))]
+        thin = [
+            i
+            for i, b in enumerate(bodies)
+            if len(b.mesh.vertices) and np.ptp(self.uploads.bounds(b.mesh), axis=0).min() == 0
+        ]
+        self.flat = thin if len(thin) <= MOST_FLAT else []
         self.bounds = np.stack([full[:, 0].min(0), full[:, 1].max(0)]) if len(full) else np.zeros((2, 3))
         # a coarse grid, so that the origin, and with it every rounding, stays when a body moves
         extent = np.linalg.norm(self.bounds[1] - self.bounds[0])
@@ -173,6 +186,24 @@ class Bodies:
         distance = (self.centres - self.origin) @ planes[:, :3].T + planes[:, 3]
         inside = (distance >= -self.radii[:, None] * 1.0001).all(axis=1)
         return [bool(inside[g.members].any()) for g in self.groups]
+
+    def casting(self, sample: Sample) -> np.ndarray:
+        """(B,) whether a body may cast a shadow of this lamp on another, or on itself: all but those that lie in a
+        plane which has every other body on the lamp's side, as a floor does."""
+        found = np.isfinite(self.corners).all(axis=(1, 2))
+        corners = self.corners[found] - self.origin
+        slack = 1e-9 * np.linalg.norm(self.bounds[1] - self.bounds[0])
+        for i in self.flat:
+            own = self.corners[i] - self.origin
+            normal = np.linalg.svd(own - own.mean(axis=0))[2][2]
+            if sample.place is None:
+                side = -float(normal @ sample.direction)
+            else:
+                side = float(normal @ (sample.place - own[0]))
+                side = 0.0 if abs(side) <= sample.light.radius + slack else side
+            heights = np.sign(side) * ((corners - own[0]) @ normal)
+            found[i] = side == 0 or bool((heights < -slack).any())
+        return found
 
     def outside(self, group: Group, eye: np.ndarray | None, margin: float) -> bool:
         """Whether the eye (relative to ``origin``; None is infinitely far) is certainly outside every body of the

@@ -184,7 +184,9 @@ class Frame:
         key = (id(point), whole)
         if key not in self._ready:
             shadows = self.stages.shadows
-            frusta = shadows.frusta(point, self.visible, whole) if point.light.casts_shadows else []
+            frusta = (
+                shadows.frusta(point, self.visible, whole, self.side) if point.light.casts_shadows else []
+            )
             self._ready[key] = Lit(
                 point, shadows.record(point, frusta, self.side, self.visible.extent), frusta
             )

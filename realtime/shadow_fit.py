@@ -7,7 +7,7 @@ family of tiles, halved up to four times, so that a camera that moves a little k
     texture depth = near / Z for a lamp with a place, linear for parallel light; 1 is nearest to the lamp
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,9 @@ from realtime import polytope
 WIDEST = np.cos(np.radians(55))  # half-angle of a cone that one map may cover
 MARGIN = 1.1  # of a cube's faces, for lamps that have an extent
 HALVINGS = 5
+STEP = 128  # texels, of the side of a map's cropped part
+RIM = 2  # texels around what casts shadows
+WIDEST_CROPPED = 4096  # texels: a first column and row then fit into one 32-bit float
 
 # rows: right, up, forward of the six faces, in the order that shaders/lights.glsl looks them up
 FACES = np.array(
@@ -55,13 +58,15 @@ class Visible:
 @dataclass(frozen=True)
 class Frustum:
     """``clip_from_world`` (4, 4) of one map along ``axis`` (3,); ``tangent``: half its width at unit distance
-    (parallel light: m). ``slopes`` (3, 4): how a receiver's
-    plane lies in it, see shaders/lights.glsl (per unit of clip space)."""
+    (parallel light: m). ``slopes`` (3, 4): how a receiver's plane lies in it, see shaders/lights.glsl (per unit of
+    clip space). ``crop``: first column, first row and side of the part that is kept, texels; beyond it nothing casts
+    a shadow. None: all of it."""
 
     clip_from_world: np.ndarray
     slopes: np.ndarray
     axis: np.ndarray
     tangent: float
+    crop: tuple[int, int, int] | None = None
 
 
 def cone_to(place: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, float]:
@@ -143,3 +148,20 @@ def _tile(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
             zoom[:2, 3] = -(left + size) / size
             return zoom, size
     return np.eye(4), 1.0
+
+
+def cropped(frustum: Frustum, corners: np.ndarray, side: int) -> Frustum:
+    """The frustum with the part of its map of ``side``² texels in which the boxes ``corners`` (n, 8, 3) lie: a square
+    whose side is a multiple of ``STEP``, so that maps are used again when a body turns."""
+    p = corners @ frustum.clip_from_world[:, :3].T + frustum.clip_from_world[:, 3]
+    p = p[np.isfinite(p).all(axis=(1, 2)) & (p[..., 3] > 0).any(axis=1)].reshape(-1, 4)
+    if (p[:, 3] <= 0).any():  # a box about the lamp
+        return frustum
+    at = (p[:, :2] / p[:, 3:] * 0.5 + 0.5) * side
+    low = np.clip(at.min(axis=0, initial=side), 0, side)
+    high = np.clip(at.max(axis=0, initial=0), 0, side)
+    kept = STEP * int(np.ceil((max(*(high - low), 0) + 2 * RIM) / STEP))
+    if kept >= side or side > WIDEST_CROPPED:
+        return frustum
+    column, row = np.clip(np.round((low + high - kept) / 2), 0, side - kept).astype(int).tolist()
+    return replace(frustum, crop=(column, row, kept))

@@ -20,6 +20,7 @@ from realtime.shadow_fit import (
     Visible,
     around,
     cone_to,
+    cropped,
     parallel_frustum,
     place_frustum,
 )
@@ -52,9 +53,16 @@ class ShadowMaps:
         self._spare: list[_Map] = []
         self._bytes = 0  # of the kept ones
 
-    def frusta(self, sample: Sample, visible: Visible, whole: bool) -> list[Frustum | None]:
+    def frusta(self, sample: Sample, visible: Visible, whole: bool, side: int) -> list[Frustum | None]:
         """One or six frusta (None where nothing that is seen lies in a face), relative to the bodies' origin.
-        ``whole``: also where the lamp's own cone lets no light through."""
+        ``whole``: also where the lamp's own cone lets no light through; ``side``: of a map, texels."""
+        found = self._whole_frusta(sample, visible, whole)
+        if len(found) == 1 and found[0] is not None:
+            casting = self.bodies.corners[self.bodies.casting(sample)]
+            found = [cropped(found[0], casting - self.bodies.origin, side)]
+        return found
+
+    def _whole_frusta(self, sample: Sample, visible: Visible, whole: bool) -> list[Frustum | None]:
         if sample.place is None:
             return [parallel_frustum(sample.direction, visible)]
         axis, cosine = cone_to(sample.place, visible.bounds)
@@ -93,15 +101,19 @@ class ShadowMaps:
                 record[m + 4 : m + 7] = frustum.slopes
                 record[m + 4 : m + 6, :3] *= 2 / side
                 record[POWER, 3], record[m + 5, 3] = sample.record[CONE, :2]
+        if len(frusta) == 1:
+            column, row, kept = crop_of(frusta[0], side)
+            record[SHADOW, 1] = 1 / kept
+            record[MAPS + 6 if sample.mode in ("SPHERE", "CYLINDER") else 0, 3] = 4096 * column + row
         return record.astype(np.float32)
 
     def draw(self, frusta: list[Frustum | None], side: int, sample: Sample, index: int) -> moderngl.Texture:
         """The map of these frusta, ``index`` choosing the chances of surfaces that let light through."""
         if len(frusta) == 6:
             side //= 2
-        size = (side * 3, side * 2) if len(frusta) == 6 else (side, side)
+        size = (side * 3, side * 2) if len(frusta) == 6 else 2 * crop_of(frusta[0], side)[2:]
         chancy = any(g.lets_light_through for g in self.bodies.groups)
-        matrices = tuple(None if f is None else f.clip_from_world.tobytes() for f in frusta)
+        matrices = tuple(None if f is None else (f.clip_from_world.tobytes(), f.crop) for f in frusta)
         key = (matrices, size, self.bodies.shape, self.bodies.origin.tobytes(), index if chancy else 0)
         if key in self._kept:
             self._kept.move_to_end(key)
@@ -114,17 +126,19 @@ class ShadowMaps:
         self.context.enable(moderngl.DEPTH_TEST)
         self.context.depth_func = ">"
         for i, frustum in enumerate(frusta):
-            place = (i % 3 * side, i // 3 * side, side, side)
             if frustum is not None:
-                shadow.framebuffer.viewport = place
-                shadow.framebuffer.clear(depth=0.0, viewport=place)
+                column, row, kept = crop_of(frustum, side)
+                tile = (i % 3 * side, i // 3 * side)
+                shadow.framebuffer.clear(depth=0.0, viewport=(*tile, kept, kept))
+                shadow.framebuffer.viewport = (tile[0] - column, tile[1] - row, side, side)
                 self._draw_face(frustum, sample, index)
         return shadow.texture
 
     def _draw_face(self, frustum: Frustum, sample: Sample, index: int) -> None:
         context = self.context
+        casting = self.bodies.casting(sample)
         for group, seen in zip(self.bodies.groups, self.bodies.visible(frustum.clip_from_world), strict=True):
-            if not seen:
+            if not seen or not casting[group.members].any():
                 continue
             if self.bodies.outside(group, sample.place, sample.light.radius):
                 context.enable(moderngl.CULL_FACE)
@@ -132,7 +146,8 @@ class ShadowMaps:
             else:
                 context.disable(moderngl.CULL_FACE)
             program = depth_program(self.programs, group, self.uploads, index)
-            put(program, clip_from_world=tuple(frustum.clip_from_world.T.ravel()))
+            first = crop_of(frustum, 0)[:2]
+            put(program, clip_from_world=tuple(frustum.clip_from_world.T.ravel()), first=first)
             group.render(context, program)
         context.disable(moderngl.CULL_FACE)
 
@@ -168,6 +183,11 @@ class ShadowMaps:
             shadow.release()
         self._kept.clear()
         self._bytes = 0
+
+
+def crop_of(frustum: Frustum | None, side: int) -> tuple[int, int, int]:
+    """First column, first row and side of what is kept of a map of ``side``² texels."""
+    return (0, 0, side) if frustum is None or frustum.crop is None else frustum.crop
 
 
 def depth_program(programs: Programs, group: Group, uploads: Uploads, index: int) -> moderngl.Program:

@@ -124,6 +124,12 @@ vec3 shaping(int k, vec3 l)
 
 #if defined(FACES) && FACES == 1
 #define MAP_RECORD(k, i) RECORD(k, i)
+// first column * 4096 + first row of the part of the map that is kept
+#if defined(MODE_SPHERE) || defined(MODE_CYLINDER)
+#define CROP(k) RECORD(k, MAPS + 6).w
+#else
+#define CROP(k) RECORD(k, 0).w
+#endif
 #elif defined(FACES)
 #define MAP_RECORD(k, i) lights[(k) * STRIDE + (i)]  // which is found at run time
 #endif
@@ -144,7 +150,8 @@ float seen(int k, vec3 p, vec3 facet)
     const vec2 tile = vec2(0.0);
 #endif
     int m = MAPS + 8 * face;
-    vec4 setting = RECORD(k, 7);  // texels a side, their inverse, world size of a texel (at unit depth), least offset
+    // texels a side, the inverse of those kept, world size of a texel (at unit depth), least offset
+    vec4 setting = RECORD(k, 7);
     vec4 q = vec4(p, 1.0);
     vec2 c = vec2(dot(MAP_RECORD(k, m), q), dot(MAP_RECORD(k, m + 1), q));
     vec2 slope = vec2(dot(MAP_RECORD(k, m + 4).xyz, facet), dot(MAP_RECORD(k, m + 5).xyz, facet));
@@ -168,13 +175,15 @@ float seen(int k, vec3 p, vec3 facet)
     bool outside = w <= 0.0;
 #endif
     vec2 at = (c * 0.5 + 0.5) * setting.x - 0.5, base = floor(at), f = at - base;
-    outside = outside || min(base.x, base.y) < 0.0 || max(base.x, base.y) + 1.0 >= setting.x;
     float here = depth + dot(slope, f);
     vec4 receiver = vec4(here - slope.y, here - slope.x - slope.y, here - slope.x, here);
 #if FACES == 6
+    outside = outside || min(base.x, base.y) < 0.0 || max(base.x, base.y) + 1.0 >= setting.x;
     vec2 uv = (base + 1.0 + tile * setting.x) * setting.y * vec2(1.0 / 3.0, 0.5);
 #else
-    vec2 uv = (base + 1.0) * setting.y;
+    float column = floor(CROP(k) / 4096.0), row = CROP(k) - 4096.0 * column;
+    vec2 uv = (base + 1.0 - vec2(column, row)) * setting.y, off = abs(uv - 0.5);
+    outside = outside || max(off.x, off.y) > 0.5 - 0.5 * setting.y;
 #endif
     vec4 caster = textureGather(shadow_map[k], uv);
     vec4 open = vec4(lessThanEqual(caster, receiver));

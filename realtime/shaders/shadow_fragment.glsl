@@ -5,6 +5,7 @@ flat in float body;
 uniform float opacity;
 uniform float threshold;
 uniform int sample_index;
+uniform vec2 first;  // texel of the whole map, of which this is a part
 #endif
 
 void main()
@@ -14,6 +15,6 @@ void main()
 #ifdef OPACITY_MAP
     share = sampled(opacity_map, opacity_map_uv, opacity_map_wrap, st).x;
 #endif
-    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, uint(body) + 7919u), sample_index)) discard;
+    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy + first, uint(body) + 7919u), sample_index)) discard;
 #endif
 }

@@ -9,6 +9,8 @@ from interchange.brdf.lambert import Lambert
 from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.scene import Body, Scene
+from realtime import lamps, shadow_maps
+from realtime.bodies import Bodies
 
 WHITE = Material("white", Lambert(1.0))
 
@@ -151,3 +153,43 @@ def test_a_lamp_inside_the_scene_sees_all_around(rasterizer, make):
         d = np.linalg.norm(to, axis=-1)
         expected = np.sum(to * image.passes["normal"], axis=-1) / d**3 / np.pi
         assert np.quantile(np.abs(image.pixels[..., 0] / expected - 1), 0.99) < 1e-3
+
+
+@pytest.mark.parametrize("kind", [LightKind.SPHERE, LightKind.RECT, LightKind.CYLINDER, LightKind.DISTANT])
+@pytest.mark.parametrize("radius", [0.0, 0.1])
+def test_the_part_of_a_map_that_casts_is_enough(rasterizer, make, monkeypatch, kind, radius):
+    """Only the part of a map with what casts shadows is kept; the image is that of whole maps."""
+    light = Light(
+        "/lamp",
+        kind,
+        (1.0, 1.0, 1.0),
+        make.at(0.5, 0.3, 2.0),
+        radius=radius,
+        width=radius,
+        height=radius,
+        length=radius,
+    )
+    screen = Body("/screen", make.plane(0.3, 0.4), WHITE, make.at(0.2, 0.1, 0.3))
+    scene = Scene((Body("/floor", make.plane(4.0), WHITE), screen), (light,))
+    camera = make.telecentric((0, 0, 1), (0, 0, 0), 0.03, (64, 64))
+    kept = rasterizer.render(scene, camera, samples=4).pixels
+    monkeypatch.setattr(shadow_maps, "cropped", lambda frustum, corners, side: frustum)
+    monkeypatch.setattr(Bodies, "casting", lambda bodies, sample: np.ones(len(bodies.bodies), bool))
+    whole = rasterizer.render(scene, camera, samples=4).pixels
+    beyond = (
+        np.abs(kept - whole).max(axis=-1) > 1e-4 * whole.max()
+    )  # 1e-4 of a texel in which an edge may round
+    assert beyond.mean() < 2e-3
+    assert whole.min() < 0.5 * np.median(whole)  # there is a shadow
+
+
+@pytest.mark.parametrize(("below", "lamp", "casts"), [(0, 1.0, False), (0, -1.0, True), (1, 1.0, True)])
+def test_a_floor_casts_no_shadow_on_what_stands_on_it(rasterizer, make, below, lamp, casts):
+    """Unless the lamp is on its other side, or something is below."""
+    things = [Body("/thing", make.ball(16, 8, 0.1), WHITE, make.at(0.3, 0, z)) for z in (0.1, -0.3)]
+    light = Light("/lamp", LightKind.SPHERE, (1.0, 1.0, 1.0), make.at(0, 0, lamp))
+    scene = Scene((Body("/floor", make.plane(2.0), WHITE), *things[: 1 + below]), (light,))
+    camera = make.telecentric((0, 0, 1), (0, 0, 0), 0.03, (16, 16))
+    rasterizer.render(scene, camera, samples=1)
+    sample = lamps.samples(light, 0, 1, rasterizer._stages.bodies.origin)[0][0]
+    assert rasterizer._stages.bodies.casting(sample).tolist() == [casts] + [True] * (1 + below)
