@@ -4,6 +4,8 @@
     σ²_y - σ²_dark = K (µ_y - µ_dark)       the photon transfer curve, alike;   η = R / K
     σ_d² = (σ²_y.dark(t = 0) - 1/12) / K²,  µ_I = slope of the dark signal over the exposure time / K
     DSNU² = s²_dark / K²,   PRNU² = (s²_50 - s²_dark) / (µ_50 - µ_dark)²
+    split over an M x N image of row averages s²_r, column averages s²_c and what is left of each pixel, s²_p:
+    row² = s²_r - s²_p / N,   column² = s²_c - s²_p / M,   pixel² = s²_p - σ²/repeats
     LE: relative deviations from the line through 5 .. 95 % of saturation that keeps them small
 
 σ² are variances between repeats, s² those over the pixels of their mean less what the noise leaves in it.
@@ -18,6 +20,7 @@ import numpy as np
 from interchange.formats.emva_sheet import DataSheet, Result
 from interchange.problems import BrightfieldError
 
+PARTS = ("row", "col", "pixel")
 BLOCKS = 16  # stripes of rows
 QUANTIZATION = 1 / 12  # DN²
 LEAST_DARK = 0.24  # DN²: below, the converter hides the noise (release 4, section 6.6)
@@ -34,6 +37,9 @@ class Level:
     mean: np.ndarray  # (B,) DN
     temporal: np.ndarray  # (B,) DN², σ²
     spatial: np.ndarray  # (B,) DN² over the pixels of the mean image, about the mean of the whole of it
+    split: (
+        np.ndarray
+    )  # (B + 1, 3) DN² of rows, columns and pixels: of each stripe, and last of the whole image
 
     @property
     def mu(self) -> float:
@@ -66,7 +72,27 @@ def level(t_exp: float, photons: float, images: Iterable[np.ndarray]) -> Level:
         mean=np.array([average[r].mean() for r in rows]),
         temporal=np.array([variance[r].mean() for r in rows]),
         spatial=np.array([((average[r] - about) ** 2).mean() for r in rows]),
+        split=np.array(
+            [
+                split(part) - (0, 0, noise.mean() / count)
+                for part, noise in [*((average[r], variance[r]) for r in rows), (average, variance)]
+            ]
+        ),
     )
+
+
+def split(image: np.ndarray) -> np.ndarray:
+    """(3,) variances of the rows, the columns and the pixels of an image (M, N) that is the sum of the three.
+
+    Unbiased; the three linear equations of release 4 of the standard, section 4, to 1 / (M N). NaN of a single row or
+    column. A variance may come out below zero where there is none.
+    """
+    M, N = image.shape
+    if M < 2 or N < 2:
+        return np.full(3, np.nan)
+    row, column = image.mean(axis=1), image.mean(axis=0)
+    left = ((image - row[:, None] - column + row.mean()) ** 2).sum() / ((M - 1) * (N - 1))
+    return np.array([row.var(ddof=1) - left / N, column.var(ddof=1) - left / M, left])
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +253,14 @@ def _spatial(bright: Sequence[Level], dark: Sequence[Level], K: float, block: in
     if s2_bright > max(s2_dark, 0):
         signal = _at(b, "mean", block) - _at(d, "mean", block)
         found["PRNU1288"] = float(np.sqrt(s2_bright - s2_dark) / signal)
+    at = -1 if block is None else block
+    signal = _at(b, "mean", block) - _at(d, "mean", block)
+    for k, part in enumerate(PARTS):
+        dark_part, bright_part = d.split[at, k], b.split[at, k] - d.split[at, k]
+        if dark_part > 0:
+            found[f"DSNU1288.{part}"] = float(np.sqrt(dark_part) / K)
+        if bright_part > 0 and signal > 0:
+            found[f"PRNU1288.{part}"] = float(np.sqrt(bright_part) / signal)
     return found
 
 

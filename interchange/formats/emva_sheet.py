@@ -32,6 +32,9 @@ ELECTRONS = {"e-": 1.0, "ke-": 1e3}
 # symbol: what it is, its units and what they are worth in the first one
 SYMBOLS: dict[str, tuple[str, dict[str, float]]] = {
     "eta": ("quantum efficiency", SHARE),
+    "eta.red": ("quantum efficiency of red", SHARE),
+    "eta.green": ("quantum efficiency of green", SHARE),
+    "eta.blue": ("quantum efficiency of blue", SHARE),
     "R": ("responsivity", {"DN/p": 1.0}),
     "K": ("overall system gain", {"DN/e-": 1.0}),
     "sigma_d": ("temporal dark noise", ELECTRONS),
@@ -41,6 +44,12 @@ SYMBOLS: dict[str, tuple[str, dict[str, float]]] = {
     "mu_I.var": ("dark current, from the variance", {"e-/s": 1.0}),
     "DSNU1288": ("spread of the dark signal over the pixels", ELECTRONS),
     "PRNU1288": ("spread of the gain over the pixels", SHARE),
+    "DSNU1288.row": ("spread of the dark signal over the rows", ELECTRONS),
+    "DSNU1288.col": ("spread of the dark signal over the columns", ELECTRONS),
+    "DSNU1288.pixel": ("what is left of it over single pixels", ELECTRONS),
+    "PRNU1288.row": ("spread of the gain over the rows", SHARE),
+    "PRNU1288.col": ("spread of the gain over the columns", SHARE),
+    "PRNU1288.pixel": ("what is left of it over single pixels", SHARE),
     "mu_p.sat": ("photons at saturation", {"p": 1.0, "kp": 1e3}),
     "mu_e.sat": ("saturation capacity", ELECTRONS),
     "mu_p.min": ("absolute sensitivity threshold", {"p": 1.0}),
@@ -109,20 +118,26 @@ class DataSheet:
             raise FileError(
                 Problem("A data sheet must give K (DN/e-) or mu_e.sat (e-); it has neither.", where)
             )
-        eta, nm = self.get("eta"), self.wavelength_nm
+        nm = self.wavelength_nm
+        eta = tuple(self.get(f"eta.{c}", self.get("eta")) for c in ("red", "green", "blue"))
         try:
             return Sensor(
                 resolution=(self.width or base.resolution[0], self.height or base.resolution[1]),
                 pixel_pitch=(self.pixel_um * 1e-6,) * 2 if self.pixel_um else base.pixel_pitch,
-                responsivity=0.0 if eta else base.responsivity,
-                quantum_efficiency=(eta,) * 3 if eta else base.quantum_efficiency,
+                responsivity=0.0 if any(eta) else base.responsivity,
+                quantum_efficiency=eta if any(eta) else base.quantum_efficiency,  # type: ignore[arg-type]
                 wavelength_nm=(nm,) * 3 if nm else base.wavelength_nm,
                 full_well=full_well,
                 bit_depth=bits,
                 black_level=black,
                 read_noise=self.get("sigma_d", base.read_noise),
-                prnu=self.get("PRNU1288", base.prnu),
-                dsnu=self.get("DSNU1288", base.dsnu),
+                prnu=self.get("PRNU1288.pixel", self.get("PRNU1288", base.prnu)),
+                dsnu=self.get("DSNU1288.pixel", self.get("DSNU1288", base.dsnu)),
+                prnu_row=self.get("PRNU1288.row", 0.0 if "PRNU1288" in self.results else base.prnu_row),
+                prnu_column=self.get("PRNU1288.col", 0.0 if "PRNU1288" in self.results else base.prnu_column),
+                dsnu_row=self.get("DSNU1288.row", 0.0 if "DSNU1288" in self.results else base.dsnu_row),
+                dsnu_column=self.get("DSNU1288.col", 0.0 if "DSNU1288" in self.results else base.dsnu_column),
+                hot_pixels=base.hot_pixels,
                 dark_current=max(self.get("mu_I.mean", base.dark_current), 0.0),
                 gain_dB=self.gain_dB,
                 serial_number=self.serial_number or base.serial_number,
