@@ -96,19 +96,20 @@ def intensity_from_power(
 ) -> Color:
     """``Light.intensity`` of a lamp of this shape, profile and shaping that emits ``watts``, W.
 
-    ``color``: the power of each channel over ``watts``. A channel that the lamp's own shaping leaves dark gets
-    what the others need. Raises BrightfieldError for a negative power, or a lamp whose shaping lets nothing out.
+    ``color``: the power of each channel over ``watts``. A lamp whose texture, image or tint has a colour keeps it: the
+    mean of the channels of white light is then ``watts``. Raises BrightfieldError for a negative power, or a lamp
+    whose shaping lets nothing out.
     """
     if not (np.isfinite(watts) and watts >= 0):
         raise BrightfieldError(
             f"A lamp's power must be finite and not negative; got {watts:g} W. ({light.name})"
         )
-    factor = power_per_intensity(light, area)
-    if not (factor > 0).all():
+    factor = float(power_per_intensity(light, area).mean())
+    if not factor > 0:
         raise BrightfieldError(
-            f"A lamp with a power must let light out; its shaping lets none out. ({light.name})"
+            f"A lamp with a power must let light out; its shaping or its image lets none out. ({light.name})"
         )
-    r, g, b = watts * np.asarray(color) / factor
+    r, g, b = watts / factor * np.asarray(color)
     return (float(r), float(g), float(b))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from interchange.light import Light
-from interchange.power import emitted_power, power_per_intensity
+from interchange.power import emitted_power, intensity_from_power
 from interchange.problems import BrightfieldError
 
 Color = tuple[float, float, float]
@@ -35,11 +35,8 @@ def circle(count: int, radius: float) -> np.ndarray:
 
 def share_power(lights: Sequence[Light], watts: float, color: Color = WHITE) -> tuple[Light, ...]:
     """The lamps with intensities such that each has the same part of ``watts``, and together they have all of it."""
-    found = []
-    for light in lights:
-        r, g, b = watts / len(lights) * np.asarray(color) / power_per_intensity(light)
-        found.append(replace(light, intensity=(float(r), float(g), float(b))))
-    return tuple(found)
+    each = watts / len(lights)
+    return tuple(replace(x, intensity=intensity_from_power(x, each, color)) for x in lights)
 
 
 def total_power(lights: Sequence[Light]) -> np.ndarray:

@@ -12,7 +12,7 @@ from interchange.camera import Camera
 from interchange.frames import camera_from_gl
 from interchange.lamps.placing import WHITE, Color, require
 from interchange.light import Light, LightKind
-from interchange.power import power_per_intensity
+from interchange.power import intensity_from_power
 from interchange.problems import BrightfieldError
 from interchange.projector import of_camera
 
@@ -28,8 +28,8 @@ def projector(
 ) -> Light:
     """The lamp that stands where ``camera`` stands and lights what it sees with ``image`` (h, w, 1 or 3), linear.
 
-    ``intensity``: W/sr where the image is 1; or ``power``: W of all of it, as it is (without ``color``, the mean of
-    the channels). ``file``: where the image is kept, for USD. Raises BrightfieldError unless one of the two is given.
+    ``intensity``: W/sr where the image is 1; or ``power``: W of all of it (``power.intensity_from_power``). ``file``:
+    where the image is kept, for USD. Raises BrightfieldError unless one of the two is given.
     """
     if (intensity is None) == (power is None):
         raise BrightfieldError(f"A projector must have an intensity or a power, one of them. ({name})")
@@ -43,10 +43,7 @@ def projector(
         projector=shown,
     )
     if power is not None:
-        factor = float(np.mean(power_per_intensity(light) * color))
-        if not factor > 0:
-            raise BrightfieldError(f"A projector with a power must show an image that is not black. ({name})")
-        intensity = power / factor
+        return replace(light, intensity=intensity_from_power(light, power, color))
     r, g, b = float(intensity or 0.0) * np.asarray(color)
     return replace(light, intensity=(float(r), float(g), float(b)))
 

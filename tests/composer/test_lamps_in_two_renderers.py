@@ -124,7 +124,7 @@ def test_the_reflectors_field_in_both_renderers(cycles, rasterizer, step) -> Non
     low, high = device.polar_range
     phi, theta = step[0], low + (0.7 * high - low) * step[1] / 5
     camera = above(0.030, 24)
-    scene = plane(device.lights(phi, theta), 0.2)
+    (scene,) = device.series(plane([], 0.2), np.array([[phi, theta]]))
     p = plane_points(camera)
     L = device.direction(phi, theta)
     place = L * device.distance(theta)

@@ -98,6 +98,8 @@ def test_power_and_colour() -> None:
     assert emitted_power(light).mean() == pytest.approx(5.0)
     assert light.kind is LightKind.SPHERE
     assert light.is_delta
+    red = np.ones((48, 64, 3)) * (1.0, 0.25, 0.0)  # an image keeps its colour
+    assert emitted_power(projector(camera, red, power=5.0)) == pytest.approx([12.0, 3.0, 0.0])
 
 
 def test_patterns() -> None:
@@ -119,7 +121,7 @@ def test_mistakes_are_told() -> None:
         projector(camera, np.ones((64, 48, 1)), intensity=1.0)
     with pytest.raises(BrightfieldError, match="one of them"):
         projector(camera, np.ones((48, 64, 1)))
-    with pytest.raises(BrightfieldError, match="not black"):
+    with pytest.raises(BrightfieldError, match="lets none out"):
         projector(camera, np.zeros((48, 64, 1)), power=1.0)
     with pytest.raises(BrightfieldError, match="must be perspective"):
         projector(
