@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from composer.aligned import Description
+from composer.camera_effects import camera_effects
 from interchange.camera import Camera, Projection
 from interchange.colorimetry import chromaticity, luminous_efficacy, xyz
 from interchange.distortion import NAMES
@@ -195,7 +196,7 @@ def _camera(camera: Camera) -> Description:
         found["distortion"] = dict(zip(NAMES[lens.model], lens.distortion, strict=False))
     found["bit_depth"] = camera.sensor.bit_depth
     found["exposure_s"] = camera.t_exp
-    return found
+    return found | camera_effects(camera)
 
 
 def _exr(path: Path) -> Description:
