@@ -71,8 +71,11 @@ class Projector:
         return d[np.isfinite(d).all(axis=-1)]
 
     def field(self) -> float:
-        """Radians from the axis to the farthest corner of the image: beyond it the lens model has no meaning."""
+        """Radians from the axis to the farthest corner of the image: beyond it the lens model has no meaning, and may
+        fold back."""
         d = self.border()
+        if not len(d):
+            return np.pi / 2
         return float(np.arccos(np.clip(np.min(-d[:, 2]), -1, 1)))
 
     def numbers(self) -> np.ndarray:

@@ -86,6 +86,9 @@ def read_light(
         tint = (float(r), float(g), float(b))
         angle_scale = get("shaping:ies:angleScale")
         beam = _profile(prim, time, find, profile)
+    shown = read_projector(prim, time, find, texture, keep) if kind is LightKind.SPHERE else None
+    if shown is not None:  # beyond its image a lens model may fold back
+        cone, sizes["radius"] = min(cone, shown.field() + 1e-6), 0.0
     face = _texture(prim, time, find, texture) if kind in (LightKind.RECT, LightKind.DOME) else None
     if kind is LightKind.DOME:
         pole = find.value(prim, "poleAxis", time)
@@ -108,7 +111,7 @@ def read_light(
         profile=beam,
         profile_angle_scale=angle_scale,
         texture=face,
-        projector=read_projector(prim, time, find, texture, keep) if kind is LightKind.SPHERE else None,
+        projector=shown,
         casts_shadows=shadow is not False,
         visible=bool(find.value(prim, "lamp:visible", time)),
         where=find.where(prim),

@@ -11,7 +11,7 @@ from composer.cli import main
 from interchange.camera import Camera, Lens, Sensor
 from interchange.colorimetry import luminous_efficacy, srgb_color
 from interchange.distortion import LensModel
-from interchange.formats import images
+from interchange.formats import ies_write, images
 from interchange.formats.document import open_scene
 from interchange.formats.usd_author import author_scene
 from interchange.formats.usd_read import SceneReader
@@ -135,6 +135,10 @@ def test_a_projector_comes_back_from_usd(lens: Lens, tmp_path: Path) -> None:
         assert x.projector is not None
         assert x.projector.pixels(d) == pytest.approx(camera.project(points), abs=1e-6)
         assert x.shaping(d).max() > 0
+    assert back.cone_angle == pytest.approx(light.cone_angle, abs=1e-4)
+    prim.RemoveAPI(UsdLux.ShapingAPI)  # as written by hand
+    (bare,) = SceneReader(stage, "s.usda").scene(0.0).lights
+    assert bare.cone_angle == pytest.approx(light.cone_angle, abs=1e-9)
 
 
 def test_what_has_no_file_cannot_be_written(tmp_path: Path) -> None:
@@ -167,3 +171,16 @@ def test_power_and_projector_survive_collada(tmp_path: Path) -> None:
     assert b.projector is not None
     assert emitted_power(b) == pytest.approx([2] * 3, rel=1e-6)
     assert b.intensity == pytest.approx(a.intensity, rel=1e-6)
+
+
+def test_a_dome_keeps_its_hole_and_its_axis(tmp_path: Path) -> None:
+    pose = look_at(np.array([0.1, -0.2, 0.5]), np.zeros(3))
+    lights = ies_write.saved(composite.dome(2.0, 0.1, 0.04, world_from_lamp=pose), tmp_path)
+    (back,) = SceneReader(author_scene(Scene(lights=lights)), "s.usda").scene(0.0).lights
+    assert emitted_power(back, area=np.pi * 0.1**2) == pytest.approx([2.0] * 3, rel=1e-5)
+    theta = np.radians([0, 11, 12, 89, 91])  # the hole ends at asin(0.2) = 11.5 degrees
+    local = np.stack([np.sin(theta), 0 * theta, -np.cos(theta)], axis=-1)
+    world = local @ lights[0].world_from_light[:3, :3].T
+    assert back.shaping(world @ back.world_from_light[:3, :3])[:, 0] == pytest.approx(
+        [0, 0, 1, 1, 0], abs=1e-6
+    )
