@@ -129,9 +129,9 @@ class Bodies:
             # the cofactors: the inverse transpose times the determinant, which exists for a flat transform too
             cofactors = np.stack(
                 [
-                    np.cross(linear[1], linear[2]),
-                    np.cross(linear[2], linear[0]),
-                    np.cross(linear[0], linear[1]),
+                    polytope.cross(linear[1], linear[2]),
+                    polytope.cross(linear[2], linear[0]),
+                    polytope.cross(linear[0], linear[1]),
                 ]
             )
             scale = np.sign(det or 1.0) / max(float(np.abs(cofactors).max()), 1e-300)

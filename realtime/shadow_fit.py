@@ -84,9 +84,9 @@ def cone_to(place: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, float]:
 def around(axis: np.ndarray) -> np.ndarray:
     """(3, 3) rows right, up, forward with forward along ``axis``."""
     helper = np.eye(3)[np.argmin(np.abs(axis))]
-    right = np.cross(helper, axis)
+    right = polytope.cross(helper, axis)
     right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(axis, right), axis])
+    return np.stack([right, polytope.cross(axis, right), axis])
 
 
 def place_frustum(
