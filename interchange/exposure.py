@@ -21,6 +21,10 @@ import numpy as np
 from interchange.bands import each_band
 from interchange.camera import Camera, Lens, Projection
 from interchange.effects import Effect, Stage, chain
+from interchange.effects.color_crosstalk import ColorCrosstalk
+from interchange.effects.exposure import Exposure
+from interchange.effects.mosaic import Mosaic as MosaicEffect
+from interchange.effects.mosaic import phases
 from interchange.filtering import combined, each_channel
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
@@ -154,7 +158,19 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
     steps = [Step("irradiance", True, light), *(_step(e, camera) for e in optics)]
     if until is Quantity.IRRADIANCE:
         return steps
-    steps += [Step("electrons", True, charge), *(_step(e, camera) for e in stages[Stage.SENSOR])]
+    early_ones = [e for e in stages[Stage.SENSOR] if e.order <= MosaicEffect.order]
+    if (
+        sensor.mosaic.is_bayer
+        and any(isinstance(e, ColorCrosstalk) for e in early_ones)
+        and all(isinstance(e, (Exposure, ColorCrosstalk, MosaicEffect)) for e in early_ones)
+    ):
+        later = stages[Stage.SENSOR][len(early_ones) :]
+        steps += [
+            Step("electrons", True, _at_sites(early_ones, electrons)),
+            *(_step(e, camera) for e in later),
+        ]
+    else:
+        steps += [Step("electrons", True, charge), *(_step(e, camera) for e in stages[Stage.SENSOR])]
     if until is Quantity.ELECTRONS:
         return steps
     steps += [Step("gain", True, convert), *(_step(e, camera) for e in stages[Stage.READOUT])]
@@ -165,6 +181,34 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
 
     exact = ("quantization", "demosaic", "response_curve", "jpeg")
     return steps if through and through[-1].name() in exact else [*steps, Step("rounding", True, whole)]
+
+
+def _at_sites(effects: Sequence[Effect], electrons: np.ndarray) -> Function:
+    """Electrons, their scale, crosstalk and mosaic at once: a pixel needs the sum of its own channel alone."""
+    matrix, scale, pattern = np.eye(3), 1.0, Mosaic.NONE
+    for effect in effects:
+        match effect:
+            case Exposure():
+                scale *= effect.scale
+            case ColorCrosstalk():
+                matrix = effect.matrix
+            case MosaicEffect():
+                pattern = effect.pattern
+
+    def charge(image: Image, rng: np.random.Generator | None) -> Image:
+        from interchange import kernels  # Numba comes with it
+
+        if image.pixels.shape[2] != 3:
+            raise BrightfieldError(
+                f"A colour mosaic needs an image of three channels; got {image.pixels.shape[2]}."
+            )
+        weights = np.empty((2, 2, 3), np.float32)
+        for i, j, channel in phases(pattern, image.first_row):
+            weights[i, j] = scale * matrix[channel] * electrons
+        e = kernels.at_sites(np.ascontiguousarray(image.pixels), weights)
+        return replace(image, pixels=e, quantity=Quantity.ELECTRONS)
+
+    return charge
 
 
 def _step(effect: Effect, camera: Camera) -> Step:

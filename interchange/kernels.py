@@ -44,6 +44,23 @@ def transformed(pixels: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> n
 
 
 @compiled
+def at_sites(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(r, w, 3) -> (r, w, 1): of each pixel the sum of its channels by ``weights`` (2, 2, 3) of its place in 2 x 2."""
+    out = np.empty((pixels.shape[0], pixels.shape[1], 1), np.float32)
+    even = pixels.shape[1] // 2 * 2
+    for i in range(pixels.shape[0]):
+        w = weights[i % 2]
+        a0, b0, c0 = w[0, 0], w[0, 1], w[0, 2]
+        a1, b1, c1 = w[1, 0], w[1, 1], w[1, 2]
+        for j in range(0, even, 2):
+            out[i, j, 0] = a0 * pixels[i, j, 0] + b0 * pixels[i, j, 1] + c0 * pixels[i, j, 2]
+            out[i, j + 1, 0] = a1 * pixels[i, j + 1, 0] + b1 * pixels[i, j + 1, 1] + c1 * pixels[i, j + 1, 2]
+        for j in range(even, pixels.shape[1]):
+            out[i, j, 0] = a0 * pixels[i, j, 0] + b0 * pixels[i, j, 1] + c0 * pixels[i, j, 2]
+    return out
+
+
+@compiled
 def times_field(pixels: np.ndarray, field: np.ndarray) -> np.ndarray:
     """(r, w, 3) times (r, w), float32."""
     out = np.empty_like(pixels)
