@@ -21,7 +21,7 @@ NAMED = (
     "exposure", "response_curve", "white_balance", "color_crosstalk", "rolling_shutter",
 )  # fmt: skip  # of the file contract's names, those of the chain that change the mean
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
-SEEN = 2e-4  # of the signal's rms: a parameter that changes less at its test step is not in the image
+SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
 
 
@@ -29,7 +29,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     """The terms that ``state``'s condition shows (linearised where the effects of the chain are the camera's own)."""
     base = state.dn(())
     signal = float(np.sqrt(np.mean((base - state.simulation.black) ** 2))) or 1.0
-    absolute = {"black_level": tolerances.black_level_dn, "exposure": tolerances.light_intensity}
+    absolute = {"black_level": tolerances.black_level_dn, "exposure": tolerances.light_intensity / 5}
     terms = []
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]

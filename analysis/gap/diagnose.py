@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
 from analysis.gap.conditions import Condition, conditions
@@ -60,7 +61,8 @@ def diagnose(
     )
     all_of_them = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     _must_overlap(all_of_them)
-    fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told)
+    with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
+        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told)
     told("verdict", 0.0)
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0

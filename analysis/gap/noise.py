@@ -44,7 +44,7 @@ def noise_fit(conditions: Sequence[Condition]) -> NoiseFit | None:
         return None
     mu, variance, count = np.maximum(x, 0), np.array(y), np.array(n, float)
     model = mu + read**2
-    sd = model * np.sqrt(2 / count)
+    sd = np.maximum(model, 1.0) * np.sqrt(2 / count)
     ratio = float(np.sum(variance * model / sd**2) / np.sum(model**2 / sd**2))
     ratio_sigma = float(1 / np.sqrt(np.sum(model**2 / sd**2)))
     extra = float(np.sum((variance - mu) / sd**2) / np.sum(1 / sd**2))

@@ -3,7 +3,7 @@
 Weights are the inverse of the sensor's variance of a condition's mean, of what the renderer leaves, and of what no
 twin gets right:
 
-    1 / w = σ_t² / repeats + σ_fixed² + (f_s s)² + (f_g |∇s|)² + (f_0 s̄)²
+    1 / w = σ_t² / repeats + σ_fixed² + (f_s s)² + (f_g² + SAMPLED² / N^1.5) |∇s|² + (f_0 s̄)²
 
 Residuals of neighbouring pixels go together over ``BLOCK`` px, so one pixel in BLOCK² counts (tempering).
 """
@@ -18,6 +18,9 @@ from analysis.gap.state import State
 from analysis.gap.terms import Term
 
 SIGNAL, GRADIENT, FLOOR = 0.002, 0.03, 0.0015  # f_s, f_g px, f_0
+SAMPLED = (
+    0.6  # px: an edge's error by N stratified samples a pixel is SAMPLED N^(-3/4). Mitchell, SIGGRAPH 1996
+)
 BLOCK = 5
 STRIDE = 3
 
@@ -49,9 +52,8 @@ def variance(state: State) -> np.ndarray:
     dx, dy = state.gradient
     sensor = state.take(e.temporal) / repeats + state.take(e.fixed)
     mean = float(s.mean())
-    return np.asarray(
-        sensor + (SIGNAL * s) ** 2 + GRADIENT**2 * (dx**2 + dy**2) + (FLOOR * mean) ** 2, np.float32
-    )
+    edge = GRADIENT**2 + (SAMPLED * state.shown.samples**-0.75) ** 2
+    return np.asarray(sensor + (SIGNAL * s) ** 2 + edge * (dx**2 + dy**2) + (FLOOR * mean) ** 2, np.float32)
 
 
 def columns(state: State, terms: Sequence[Term]) -> np.ndarray:

@@ -42,6 +42,7 @@ class Rendered:
     ambient: np.ndarray
     indirect: np.ndarray | None
     passes: dict[str, np.ndarray]
+    samples: int = 64  # a pixel
 
     def weights(self, scene: Scene) -> dict[str, np.ndarray]:
         """(3,) a lamp: its intensity in ``scene`` over the one that was rendered."""
@@ -154,6 +155,7 @@ def _rendered(
         ambient=arrays[AMBIENT],
         indirect=arrays.get("indirect"),
         passes={k: v for k, v in arrays.items() if k.split(":")[0] in PASSES},
+        samples=int(settings.get("samples", 64)),
     )
 
 
