@@ -28,6 +28,11 @@ SENSOR = Sensor(
     prnu=0.006,
     dsnu=1.1,
     dark_current=4.0,
+    prnu_row=0.001,
+    prnu_column=0.002,
+    dsnu_row=0.3,
+    dsnu_column=0.5,
+    hot_pixels=(1e-4, 300.0),
     serial_number="1",
 )
 MONO = Camera(sensor=replace(SENSOR, mosaic="mono"), t_exp=0.01)
@@ -40,6 +45,7 @@ CHROMATIC = replace(
     lateral_chromatic_aberration=(2e-4, -3e-4),
     axial_chromatic_aberration=(2.0, 0.0, 3.0),
 )
+FIELD = replace(CHROMATIC, field_blur=(0.5, 4.0, 2.0, 0.4))  # a corner of 1.1 px rms outward
 COLOUR = replace(
     BAYER.sensor,
     color_crosstalk=(0.05, 0.01, 0.05, 0.05, 0.01, 0.05),
@@ -55,8 +61,9 @@ CASES = {
     "Bayer, raw: sensor": replace(BAYER, sensor=replace(BAYER.sensor, demosaic="none")),
     "Bayer, raw: lens and sensor": replace(BAYER, lens=LENS, sensor=replace(BAYER.sensor, demosaic="none")),
     "Bayer to sRGB: lens and sensor": replace(BAYER, lens=LENS, sensor=COLOUR),
-    "everything but JPEG": replace(BAYER, lens=CHROMATIC, sensor=COLOUR),
-    "everything": replace(BAYER, lens=CHROMATIC, sensor=replace(COLOUR, jpeg_quality=90)),
+    "everything but JPEG and field": replace(BAYER, lens=CHROMATIC, sensor=COLOUR),
+    "everything but field": replace(BAYER, lens=CHROMATIC, sensor=replace(COLOUR, jpeg_quality=90)),
+    "everything": replace(BAYER, lens=FIELD, sensor=replace(COLOUR, jpeg_quality=90)),
 }
 
 

@@ -64,9 +64,14 @@ def _combined(kernels: tuple[tuple[bytes, tuple[int, int]], ...]) -> np.ndarray:
     out = np.ones((1, 1))
     for data, shape in kernels:
         out = convolve2d(out, np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
-    while len(out) > 3 and abs(1 - out[1:-1, 1:-1].sum() / out.sum()) < RIM:
-        out = out[1:-1, 1:-1]
-    return np.ascontiguousarray(out / out.sum(), np.float32)
+    return trimmed(out)
+
+
+def trimmed(kernel: np.ndarray) -> np.ndarray:
+    """Without the outer rings that hold less than ``RIM`` of the light each; float32, its sum 1."""
+    while len(kernel) > 3 and abs(1 - kernel[1:-1, 1:-1].sum() / kernel.sum()) < RIM:
+        kernel = kernel[1:-1, 1:-1]
+    return np.ascontiguousarray(kernel / kernel.sum(), np.float32)
 
 
 Terms = list[tuple[np.ndarray, np.ndarray]]  # columns and rows whose products are summed

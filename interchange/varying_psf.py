@@ -9,14 +9,15 @@ Hirsch, Sra, Schölkopf, Harmeling: Efficient filter flow for space-variant mult
 in its scattering form.
 """
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import cv2
 import numpy as np
 
-from interchange.filtering import BORDER, lagrange
+from interchange.filtering import BORDER, lagrange, trimmed
 
 NODES = 11  # along the longer side
 RAYS = 4096  # through the pupil, for a function of some pixels
@@ -32,31 +33,47 @@ def spread_over_field(
 ) -> np.ndarray:
     """``pixels`` (H, W, C) float32 through ``function``, which is hashable and turns with the azimuth about
     ``centre`` (column, row)."""
-    height, width, channels = pixels.shape
+    height, width = pixels.shape[:2]
     columns, rows = _nodes(width, height)
     kernels = _kernels(function, resolution, centre)
     half = max(k.shape[0] for k in kernels.values()) // 2
-    padded = cv2.copyMakeBorder(np.ascontiguousarray(pixels), half, half, half, half, BORDER)
-    padded = padded.reshape(*padded.shape[:2], channels)
     across, down = _tents(columns, width, half), _tents(rows, height, half)
-    out = np.zeros((height + 2 * half, width + 2 * half, channels), np.float32)
-
-    def share(i: int, j: int) -> tuple[slice, slice, np.ndarray]:
-        (top, wy), (left, wx), kernel = down[i], across[j], kernels[i, j]
-        h = kernel.shape[0] // 2
-        part = padded[top : top + len(wy), left : left + len(wx)] * (wy[:, None] * wx)[..., None]
-        ends = [min(h, room) for room in (top, len(out) - top - len(wy), left, out.shape[1] - left - len(wx))]
-        part = cv2.copyMakeBorder(part, ends[0], ends[1], ends[2], ends[3], cv2.BORDER_CONSTANT)
-        done = cv2.filter2D(part, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
-        done = done.reshape(*done.shape[:2], channels)
-        y, x = top - ends[0], left - ends[2]
-        return slice(y, y + done.shape[0]), slice(x, x + done.shape[1]), done
-
-    with ThreadPoolExecutor() as pool:
+    planes = []
+    for plane in cv2.split(np.ascontiguousarray(pixels, np.float32)):
+        padded = np.asarray(cv2.copyMakeBorder(plane, half, half, half, half, BORDER))
+        out = np.zeros(padded.shape, np.float32)
         for i in range(len(rows)):
-            for y, x, done in pool.map(share, [i] * len(columns), range(len(columns))):
-                out[y, x] += done
-    return np.ascontiguousarray(out[half : half + height, half : half + width])
+            row = partial(_share, padded, [kernels[i, j] for j in range(len(columns))], down[i], across)
+            for y, x, part in _pool(os.getpid()).map(row, range(len(columns))):
+                out[y, x] += part
+        planes.append(out[half : half + height, half : half + width])
+    return np.ascontiguousarray(np.stack(planes, axis=-1))
+
+
+Tent = tuple[int, np.ndarray]
+
+
+def _share(
+    padded: np.ndarray, kernels: list[np.ndarray], down: Tent, across: list[Tent], j: int
+) -> tuple[slice, slice, np.ndarray]:
+    """Where the light of one node goes, and that light, spread."""
+    (top, wy), (left, wx), kernel = down, across[j], kernels[j]
+    part = padded[top : top + len(wy), left : left + len(wx)] * (wy[:, None] * wx)
+    h = kernel.shape[0] // 2
+    ends = [
+        min(h, room)
+        for room in (top, padded.shape[0] - top - len(wy), left, padded.shape[1] - left - len(wx))
+    ]
+    part = cv2.copyMakeBorder(part, ends[0], ends[1], ends[2], ends[3], cv2.BORDER_CONSTANT)
+    part = np.asarray(cv2.filter2D(part, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT))
+    y, x = top - ends[0], left - ends[2]
+    return slice(y, y + part.shape[0]), slice(x, x + part.shape[1]), part
+
+
+@lru_cache(maxsize=1)
+def _pool(process: int) -> ThreadPoolExecutor:
+    """One a process: threads do not outlive a fork."""
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "psf")
 
 
 def kernel(offsets: np.ndarray) -> np.ndarray:
@@ -73,7 +90,7 @@ def kernel(offsets: np.ndarray) -> np.ndarray:
         for b in range(4):
             place = (i + a - 1) * size + j + b - 1
             out += np.bincount(place, down[a] * across[b], size * size)
-    return np.ascontiguousarray((out / out.sum()).reshape(size, size), np.float32)
+    return trimmed(out.reshape(size, size))
 
 
 @lru_cache(maxsize=4)
@@ -106,7 +123,7 @@ def _kernels(
     return out
 
 
-def _tents(nodes: np.ndarray, size: int, half: int) -> list[tuple[int, np.ndarray]]:
+def _tents(nodes: np.ndarray, size: int, half: int) -> list[Tent]:
     """Of each node where its weights begin in the padded image, and they: 1 at it, 0 at its neighbours."""
     at = np.arange(-half, size + half)
     out = []
