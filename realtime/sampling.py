@@ -6,9 +6,15 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 def square(count: int) -> np.ndarray:
-    """(count, 2) in [0, 1)²: the golden lattice ((k + 1/2) / n, (k + 1/2) g mod 1); a single point is the middle."""
+    """(count, 2) in [0, 1)²: the golden lattice ((k + 1/2) / n, (k + 1/2) g + s mod 1), turned by the s nearest to 0
+    with which its mean is the middle; a single point is the middle."""
     k = np.arange(count) + 0.5
-    return np.stack([k / count, k * GOLDEN % 1.0 if count > 1 else k], axis=-1)
+    y = k * GOLDEN % 1.0
+    turns = (
+        0.5 - y.mean() + np.arange(-count, count + 1) / count
+    )  # a turn by s adds s, less 1 / n for each that wraps
+    centred = [s for s in turns if abs(((y + s) % 1.0).mean() - 0.5) < 1e-9]
+    return np.stack([k / count, (y + min(centred, key=abs)) % 1.0], axis=-1)
 
 
 def disk(count: int) -> np.ndarray:

@@ -93,13 +93,13 @@ def place_frustum(
     place: np.ndarray, rotation: np.ndarray, tangent: float, visible: Visible
 ) -> Frustum | None:
     """The map of a lamp at ``place`` along ``rotation``'s forward; None where nothing that is seen lies in it."""
+    if not visible.seen:
+        return None
     near = 1e-5 * max(visible.extent, 1e-9)
     eye_from_world = np.eye(4)
     eye_from_world[:3, :3], eye_from_world[:3, 3] = rotation, -rotation @ place
     projection = np.array([[1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0], [0, 0, 0, near], [0, 0, 1, 0]])
     full = projection @ eye_from_world
-    if not visible.seen:
-        return None
     p = visible.points @ full[:, :3].T + full[:, 3]
     if (p[:, 3] < near).any() or (np.abs(p[:, :2]) > p[:, 3:]).any():
         sides = np.array([[1.0, 0, 0, 1], [-1, 0, 0, 1], [0, 1, 0, 1], [0, -1, 0, 1]]) @ full

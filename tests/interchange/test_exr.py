@@ -40,7 +40,9 @@ def image() -> Image:
         name="/World/Camera0",
         world_from_camera=pose,
         lens=Lens(16e-3, 4.0, 0.3, (0.1, -0.02, 1e-3, -1e-4, 0.0, 0.0, 1 / 7, 0.0), Projection.PERSPECTIVE),
-        sensor=Sensor((W, H), (3.45e-6, 3.5e-6), 123.4, 1e4, 10, 5.5, 2.5, 0.01, 1.5, 3.0),
+        sensor=Sensor(
+            (W, H), (3.45e-6, 3.5e-6), 123.4, 1e4, 10, 5.5, 2.5, prnu=0.01, dsnu=1.5, dark_current=3.0
+        ),
         principal_point=(26.25, 17.5),
         t_exp=1 / 60,
     )
