@@ -231,7 +231,9 @@ def coverage(sets: int, processes: int) -> Iterator[str]:
         f"{sets} sets of noise for each entry, 250 samples of three channels, noise relative to f + 0.01/sr. Fitted "
         "by `sigma`, σ comes with the samples; by `log` and `cosine` it does not, and the residuals tell.\n"
     )
-    jobs = [(name, weighting, sets) for name in TRUTHS for weighting in ("sigma", "log", "cosine")]
+    jobs = [
+        (name, weighting, sets) for name in TRUTHS for weighting in ("sigma", "relative", "log", "cosine")
+    ]
     with ProcessPoolExecutor(processes) as pool:
         shares = list(pool.map(covered, *zip(*jobs, strict=True)))
     rows = [[name, weighting, *row] for (name, weighting, _), row in zip(jobs, shares, strict=True)]

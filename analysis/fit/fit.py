@@ -18,7 +18,7 @@ from analysis.fit.solve import Problem, Solution, TimeUp, predict, solve
 from analysis.fit.starts import lobed
 from analysis.fit.uncertainty import Estimate, Uncertainty, uncertainty
 from analysis.fit.unknowns import COLORS, chart_of
-from analysis.fit.weighting import Weighting, weighting_of
+from analysis.fit.weighting import AUTO, Weighting, resolved, weighting_of
 from interchange.brdf import BY_NAME, Brdf
 from interchange.brdf.sum import Sum
 from interchange.parameter import parameters, tables
@@ -30,10 +30,11 @@ METRICS = ("mse", "cosine", "log")
 
 @dataclass(frozen=True)
 class Options:
-    """``lobes``: their number, or 0 to choose it up to ``most_lobes``. ``isotropic``: None asks the samples.
+    """``weighting``: one of ``analysis.fit.weighting``, or "auto": sigma where the file gives it, else log.
+    ``lobes``: their number, or 0 to choose it up to ``most_lobes``. ``isotropic``: None asks the samples.
     ``fixed``: parameters that are not fitted. ``seconds``: for one model."""
 
-    weighting: str = "log"
+    weighting: str = AUTO
     lobes: int = 0
     most_lobes: int = 3
     per_channel: bool = False
@@ -131,6 +132,7 @@ def tells_azimuth(samples: ReflectanceSamples) -> bool:
 def fit(samples: ReflectanceSamples, model: type[Brdf], options: Options = Options()) -> Fit:  # frozen
     """``model`` fitted to ``samples``. Raises BrightfieldError for too few samples, unknown weights, no time."""
     used = prepared(samples)
+    options = replace(options, weighting=resolved(options.weighting, used))
     began = time.monotonic()
     grey = used.f.shape[1] == 1
     with threadpool_limits(1, "blas"):  # matrices of a dozen columns: threads would only wait for each other
@@ -180,7 +182,7 @@ def _fit(
     solution, held = found[chosen]
     told = uncertainty(solution, problem)
     return _result(used, options, solution, problem, held, told, folds, {
-        s.chart.template.lobes: h.errors.rms[_metric(options.weighting)] for s, h in found
+        s.chart.template.lobes: h.errors.rms[metric_of(options.weighting)] for s, h in found
     }, isotropic, began)  # fmt: skip
 
 
@@ -193,8 +195,10 @@ class _Held:
     finished: bool
 
 
-def _metric(weighting: str) -> str:
-    return weighting if weighting in METRICS else "mse"
+def metric_of(weighting: str) -> str:
+    """In which errors are compared: the weighting's own, or that of logarithms, which is nearest to relative
+    differences and to noise that grows with f."""
+    return weighting if weighting in METRICS else "log"
 
 
 def _held_out(solution: Solution, problem: Problem, folds: Folds) -> _Held:
@@ -214,9 +218,15 @@ def _held_out(solution: Solution, problem: Problem, folds: Folds) -> _Held:
     share = (len(folds) - 1) / len(folds)
     jackknife = np.sqrt(share * np.sum(np.square(x - x.mean(axis=0)), axis=0))
     errors = errors_of(predicted, samples, folds, problem.weighting)
-    own = np.square(problem.weighting.of(predicted) - problem.weighting.of(samples.f)).mean(axis=1)
+    own = _own(problem.weighting, predicted, samples)
     means = np.array([own[folds.held == k].mean() for k in range(len(folds))])
     return _Held(predicted, errors, jackknife, means, finished)
+
+
+def _own(weighting: Weighting, predicted: np.ndarray, samples: ReflectanceSamples) -> np.ndarray:
+    """Mean square over channels (N,) of what is minimised."""
+    with np.errstate(all="ignore"):
+        return np.square(weighting.residual(predicted, samples.f)[0]).mean(axis=1)
 
 
 def _smallest(held: list[_Held]) -> int:
@@ -251,7 +261,7 @@ def errors_of(
                 by_fold[label][metric] = float(np.sqrt(square[folds.held == k].mean()))
     spread = 0.0
     if folds is not None and own is not None:
-        square = np.square(own.of(predicted) - own.of(samples.f)).mean(axis=1)
+        square = _own(own, predicted, samples)
         means = [square[folds.held == k].mean() for k in range(len(folds))]
         spread = float(np.std(means, ddof=1) / np.sqrt(len(means)))
     return Errors(rms, share, by_fold, spread)
@@ -321,7 +331,7 @@ def _by_channel(used: ReflectanceSamples, model: type[Brdf], options: Options, b
         one = replace(used, f=used.f[:, c : c + 1], sigma=sigma, channels=(used.channels[c],))
         share = replace(options, seconds=options.seconds / 3)
         factor = weights.factor[:, [min(c, weights.factor.shape[1] - 1)]]
-        alone = Weighting(weights.name, factor, weights.epsilon)
+        alone = replace(weights, factor=factor)
         parts.append(_fit(one, model, share, (c,), False, time.monotonic(), alone))
     weight: Any = tuple(tuple(float(i == c) for i in range(3)) for c in range(3))
     brdf = Sum(weight, tuple(p.brdf for p in parts))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from analysis.fit.fit import METRICS, Fit, Options, fit, fittable
+from analysis.fit.fit import Fit, Options, fit, fittable, metric_of
 from interchange.problems import BrightfieldError
 from interchange.reflectance import ReflectanceSamples
 
@@ -44,5 +44,6 @@ def rank(
             found.append(Ranked(name, fit(samples, model, limits)))
         except BrightfieldError as error:
             found.append(Ranked(name, None, str(error)))
-    metric = options.weighting if options.weighting in METRICS else "mse"
+    done = next((r.fit for r in found if r.fit is not None), None)
+    metric = metric_of(done.options.weighting if done is not None else options.weighting)
     return sorted(found, key=lambda r: r.error(metric))

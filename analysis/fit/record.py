@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit import METRICS, Fit
+from analysis.fit.fit import METRICS, Fit, metric_of
 from analysis.fit.rank import Ranked
 from interchange.brdf.base import Brdf
 from interchange.brdf.sum import Sum
@@ -31,6 +31,7 @@ def record(
             "versions": {name: _version(name) for name in PACKAGES},
             "options": {
                 "weighting": options.weighting,
+                "compared_by": metric_of(options.weighting),
                 "folds": options.folds,
                 "held_out": list(fit.folds.labels),
                 "per_channel": options.per_channel,

@@ -9,11 +9,18 @@ from typing import Any
 import numpy as np
 
 from analysis.fit import pictures
-from analysis.fit.fit import METRICS, Fit
+from analysis.fit.fit import METRICS, Fit, metric_of
 from analysis.fit.rank import Ranked
 from analysis.fit.spheres import render_spheres, tabulated
 from interchange.brdf.base import Brdf
 
+MINIMISED = {
+    "relative": "relative: differences over the fitted f",
+    "log": "log: differences of ln f",
+    "mse": "mse: differences of f",
+    "cosine": "cosine: differences of f cos θ_i",
+    "sigma": "sigma: differences over the file's own σ (chi squared)",
+}
 METRIC_NAMES = {"mse": "f, 1/sr", "cosine": "f cos θ_i, 1/sr", "log": "ln f"}
 
 
@@ -22,7 +29,7 @@ def report(
 ) -> str:
     """The page. ``record``: of the same fit. ``measured``: the measurement as a model, where its file is a table."""
     page = Template(files("analysis.fit").joinpath("report.html").read_text(encoding="utf-8"))
-    metric = fit.options.weighting if fit.options.weighting in METRICS else "mse"
+    metric = metric_of(fit.options.weighting)
     name = record["model"]["name"]
     lobes = f", {fit.lobes} lobe{'s' if fit.lobes > 1 else ''}" if fit.lobes else ""
     chosen = record["model"]["parts"][0]["name"] + ", each channel alone" if fit.parts else name
@@ -139,7 +146,7 @@ def _provenance(record: dict[str, Any]) -> str:
         ("negative readings", ", ".join(f"{k} {v}" for k, v in m["negative"].items()) + " (kept)"),
         ("readings of exactly 0", ", ".join(f"{k} {v}" for k, v in m["zero"].items())),
         ("noise", "the file's own σ" if m["sigma"] else "not given; from the residuals"),
-        ("minimised", escape(record["options"]["weighting"])),
+        ("minimised", MINIMISED[record["options"]["weighting"]]),
         ("command", f"<code>{escape(record['command'])}</code>"),
         ("versions", escape(", ".join(f"{k} {v}" for k, v in record["versions"].items()))),
     ]  # fmt: skip

@@ -1,6 +1,6 @@
 """One least-squares problem: unknowns of a model against samples, by SciPy's trust region with bounds.
 
-    minimise  sum (w (g(f(x)) - g(f_measured)))²,   low <= x <= high
+    minimise  sum r(f(x), f_measured)²,   low <= x <= high
 
 Residuals and Jacobian come from one pass of the model's formula over dual numbers. Branch, Coleman, Li: A subspace,
 interior, and conjugate gradient method for large-scale bound-constrained minimization problems. SISC 1999; columns are
@@ -67,8 +67,8 @@ def residuals(chart: Chart, x: np.ndarray, problem: Problem) -> tuple[np.ndarray
     """Weighted residuals (K, N) and Jacobian (K, N, P)."""
     f, jacobian = predict(chart, x, problem.samples)
     with np.errstate(all="ignore"):
-        r = (problem.weighting.of(f) - problem.weighting.of(problem.samples.f)).T
-        jacobian = jacobian * problem.weighting.slope(f).T[..., None]
+        r, slope = (a.T for a in problem.weighting.residual(f, problem.samples.f))
+        jacobian = jacobian * slope[..., None]
     bad = ~(np.abs(r) < HUGE)
     jacobian[bad | ~np.isfinite(jacobian).all(axis=-1)] = 0.0
     return np.where(bad, HUGE, r), jacobian
@@ -147,7 +147,7 @@ def linear_unknowns(chart: Chart, samples: ReflectanceSamples) -> np.ndarray:
 def with_best_colors(chart: Chart, x: np.ndarray, linear: np.ndarray, problem: Problem) -> np.ndarray:
     """``x`` with its linear unknowns at the weighted least squares given the others (Golub, Pereyra 1973), in bounds.
 
-    Under the logarithm the differences are weighted by its slope at the measured values.
+    Relative differences and those of logarithms are weighted at the measured values.
     """
     if not linear.any():
         return x

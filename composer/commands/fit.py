@@ -31,10 +31,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("how it is fitted")
     how.add_argument(
         "--weight",
-        default="log",
+        default="auto",
         metavar="NAME",
-        help="what is minimised: log (relative differences; the default, truest in colour and highlight alike), cosine "
-        "(of the radiance, as Ngan et al. 2005), mse (of f itself), sigma (chi squared, where the file gives σ)",
+        help="what is minimised: sigma (chi squared; the default where the file gives σ), log (of ln f; the default "
+        "elsewhere), relative (differences over the fitted f: no bias where readings are noisy), cosine (of the "
+        "radiance, as Ngan et al. 2005), mse (of f itself)",
     )
     how.add_argument(
         "--lobes", type=int, default=0, metavar="N", help="lobes; without it as many as foretell best, to 3"
@@ -141,7 +142,8 @@ def run(args: argparse.Namespace) -> int:
 def summary(made: dict[str, Any]) -> list[str]:
     """A record as lines for a terminal."""
     m, told = made["measurement"], made["held_out_errors"]["foretold"]
-    lines = [f"{made['model']['name']} fitted to {m['file']}: {m['used']} of {m['samples']} samples", ""]
+    lines = [f"{made['model']['name']} fitted to {m['file']}: {m['used']} of {m['samples']} samples"]
+    lines += [f"  minimised: {made['options']['weighting']}", ""]
     width = max((len(e["name"]) for e in made["estimates"]), default=0)
     for e in made["estimates"]:
         low, high = e["interval_95"]
@@ -160,14 +162,9 @@ def summary(made: dict[str, Any]) -> list[str]:
         lines += ["", "All models by held-out error:"]
         for r in made["ranking"]:
             name = f"{r['model']} ({r['lobes']})" if r.get("lobes") else r["model"]
-            error = r.get("error") or f"{r['held_out'][_metric(made)]:.3g}"
+            error = r.get("error") or f"{r['held_out'][made['options']['compared_by']]:.3g}"
             lines.append(f"  {name:28} {error}")
     return lines
-
-
-def _metric(made: dict[str, Any]) -> str:
-    weighting = made["options"]["weighting"]
-    return weighting if weighting in made["errors"]["rms"] else "mse"
 
 
 def _progress(name: str, done: int, total: int) -> None:

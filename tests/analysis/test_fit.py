@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.stats import binom
 
 from analysis.fit.fit import Options, errors_of, fit, fittable, model_of, tells_azimuth
 from analysis.fit.folds import folds_of
-from analysis.fit.solve import Problem, linear_unknowns, predict, residuals
+from analysis.fit.solve import Problem, linear_unknowns, predict, residuals, solve
+from analysis.fit.uncertainty import carriers, uncertainty
 from analysis.fit.unknowns import chart_of, from_published, normalised
 from analysis.fit.weighting import NAMES, weighting_of
 from interchange.brdf.ashikhmin_shirley import AshikhminShirley
@@ -148,18 +150,61 @@ def test_truth_without_noise_is_found_to_the_last_digits():
     assert found.held_out.rms["cosine"] < 1e-6
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say():
+@pytest.mark.parametrize("noise", [0.01, 0.05, 0.2])
+def test_intervals_hold_the_truth_as_often_as_they_say(noise):
     """40 sets of noise, 7 parameters: the number of intervals with the truth inside must be one that a binomial of 95 %
-    gives with a probability above 1e-4 (parameters of one set are correlated, hence so generous)."""
+    gives with a probability above 1e-4 (parameters of one set are correlated, hence so generous; by logarithms, 82 % at
+    20 % noise, it would be 1e-15). Searched from the truth: other tests show that it is found from anywhere."""
     truth, (wi, wo) = Ward((0.2, 0.1, 0.05), (0.1, 0.15, 0.2), 0.17), goniometer(width=0.25, count=40)
-    inside = total = 0
+    chart, inside, total = chart_of(truth), 0, 0
     for seed in range(40):
-        samples = samples_of(truth, wi, wo, 0.05, seed)
-        found = fit(samples, Ward, Options(weighting="log"))
+        samples = samples_of(truth, wi, wo, noise, seed)
+        problem = Problem(samples, weighting_of("relative", samples))
+        found = uncertainty(solve(chart, chart.start(), problem), problem)
         for e, value in zip(found.estimates, truth.flat(), strict=True):
             inside, total = inside + (e.low <= value <= e.high), total + 1
     assert binom.cdf(inside, total, 0.95) > 1e-4
     assert binom.sf(inside - 1, total, 0.95) > 1e-4
+
+
+def test_relative_differences_have_no_bias():
+    """Of one albedo the weights are one, so the fit is the mean of the readings, the logarithm's is s² / 2 less."""
+    wi, wo = goniometer(count=100)
+    f = 0.1 * (1 + 0.2 * np.random.default_rng(0).normal(size=(len(wi), 1)))
+    samples = ReflectanceSamples(wi, wo, f)
+    found = {w: fit(samples, Lambert, Options(w)).brdf.diffuse[0] / np.pi for w in ("relative", "log")}
+    assert found["relative"] == pytest.approx(f.mean(), rel=1e-6)
+    assert found["log"] == pytest.approx(0.98 * f.mean(), rel=3e-3)  # s⁴ and 500 readings' own s²
+
+
+@pytest.mark.parametrize("y", [-0.3, 0.0, 0.01, 50.0])
+def test_the_deviance_is_its_integral(y):
+    samples = ReflectanceSamples([[0, 0, 1.0]], [[0, 0, 1.0]], [[0.2]])
+    weighting = weighting_of("relative", samples)
+    a = 2 * weighting.epsilon
+    f = np.array([1e-6, 0.9 * abs(y), 1.0001 * y + 1e-6, 1.002 * y + 1e-5, 3 * abs(y) + 0.1])
+    r, _ = weighting.residual(f[:, None], np.full((5, 1), y))
+    for end, root in zip(f, r[:, 0], strict=True):
+        d, _ = quad(lambda u: 2 * (u - y) / (u * u + a * a), y, end, limit=300)
+        assert root == pytest.approx(np.sign(end - y) * np.sqrt(max(d, 0.0)), rel=1e-6, abs=1e-10)
+
+
+def test_sigma_is_used_where_the_file_gives_it():
+    wi, wo = goniometer(count=20)
+    truth = Ward(0.2, 0.1, 0.3)
+    for known, name in ((True, "sigma"), (False, "log")):
+        assert fit(samples_of(truth, wi, wo, 0.02, known=known), Ward).options.weighting == name
+    partly = samples_of(truth, wi, wo, 0.02, known=True)
+    partly.sigma[0] = 0
+    assert fit(partly, Ward).options.weighting == "log"
+
+
+def test_few_readings_that_carry_a_variance_count_as_few():
+    """Normal shares of one size: as many degrees of freedom as there are; a thousandfold one among them: one."""
+    parts = np.random.default_rng(0).normal(size=(5000, 1))
+    assert carriers(parts) == pytest.approx(5000, rel=0.1)  # 5 sqrt(24 / (9 * 5000))
+    parts[0] = 1000 * np.abs(parts).max()
+    assert carriers(parts) == pytest.approx(1, abs=0.05)
 
 
 def test_known_noise_gives_chi_squared_of_one_and_misfit_is_told():
