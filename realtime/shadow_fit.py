@@ -93,7 +93,7 @@ def place_frustum(
     place: np.ndarray, rotation: np.ndarray, tangent: float, visible: Visible
 ) -> Frustum | None:
     """The map of a lamp at ``place`` along ``rotation``'s forward; None where nothing that is seen lies in it."""
-    if not visible.seen:
+    if not visible.seen or tangent <= 0:  # a box without extent is a scene without bodies
         return None
     near = 1e-5 * max(visible.extent, 1e-9)
     eye_from_world = np.eye(4)
