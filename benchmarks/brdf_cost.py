@@ -83,7 +83,9 @@ def main() -> None:
     with context:
         target = context.framebuffer([context.texture((SIZE, SIZE), 4, dtype="f4")])
         target.use()
-        timed = {"": Timed(context, None)} | {m.__name__: Timed(context, m(**m.example)) for m in MODELS.values()}
+        timed = {"": Timed(context, None)} | {
+            m.__name__: Timed(context, m(**m.example)) for m in MODELS.values()
+        }
         times: dict[str, list[float]] = {name: [] for name in timed}
         for _ in range(RUNS + 1):
             for name, one in timed.items():

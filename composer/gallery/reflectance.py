@@ -30,9 +30,9 @@ traced to GLSL for the rasteriser and to OSL for the path tracer; the law tests 
 Pictures: a ball under a small lamp to the upper left (a white matte surface that faces it would show radiance 1, shown
 as white) and one of a tenth to the lower right. Plots: f in the plane of incidence for light from 15°, 45° and 70°, one
 colour each, on a logarithmic scale of radius, over the angle of exitance; the dotted ray marks the mirror direction.
-Both are for the parameters in the column *default*, or those named beside the pictures. Representations of measured data
-(tables, harmonics, wavelets, products) are matte or nearly so by default and show their worth with a measurement in
-them: [representations](representations.md).
+Both are for the parameters in the column *default*, or those named beside the pictures. Representations of measured
+data (tables, harmonics, wavelets, products) are matte or nearly so by default and show their worth with a measurement
+in them: [representations](representations.md).
 
 """
 

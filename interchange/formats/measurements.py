@@ -44,7 +44,9 @@ def read(path: Path | str) -> Measurement:
         return _brdf(text, path)
     table = _table(text, path)
     if path.suffix.lower() == ".astm" and table.kind is not Kind.BRDF:
-        raise FileError(Problem("An .astm file must hold a BRDF: VARS that name its angles, and rows.", where))
+        raise FileError(
+            Problem("An .astm file must hold a BRDF: VARS that name its angles, and rows.", where)
+        )
     return table
 
 

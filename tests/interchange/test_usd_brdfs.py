@@ -55,7 +55,9 @@ def test_a_sum_comes_back_with_the_textures_of_its_weights_and_of_its_parts(tmp_
         Pillow.fromarray(pixels.squeeze()).save(file)
         stored = pixels / 255.0
         decoded = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
-        return Texture((decoded if channels == 3 else stored).astype(np.float32), file=str(file))  # colours: sRGB
+        return Texture(
+            (decoded if channels == 3 else stored).astype(np.float32), file=str(file)
+        )  # colours: sRGB
 
     maps = {"weight0": texture("a", 3), "part0_diffuse": texture("b", 3), "part1_part0_n": texture("c", 1)}
     found = through_usd(Material("/m", brdf, maps), tmp_path / "scene.usda")
