@@ -85,7 +85,7 @@ def paints(data: Path, seconds: float, processes: int) -> Iterator[str]:
     yield "## Three paints, all models\n"
     yield (
         "Root mean square errors of whole incidence angles that were left out of the fit (10° … 80°, eight folds, in "
-        "turn); in brackets the error of the fit to all. `ln f` is the fit by relative differences, `f cos` the fit to "
+        "turn); in brackets the error of the fit to all. `ln f` is the fit by `log`, `f cos` by `cosine`, "
         "the radiance under a lamp (1/sr; Ngan et al. 2005). `off` is the median of |foretold - measured| / measured. "
         "Numbers: how many parameters are free (three channels share the shape). Not fitted here: "
         f"{', '.join(LEFT_OUT)}.\n"
