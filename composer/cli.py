@@ -7,6 +7,7 @@ Status 0 is success, 1 a finding (``doctor``: something is missing), 2 an error,
 
 import argparse
 import importlib
+import importlib.metadata
 import os
 import pkgutil
 import sys
@@ -38,6 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not words or words[0] in ("-h", "--help", "help"):
             print(overview())
             return 0 if words else 2
+        if words[0] == "--version":
+            print(f"brightfield {importlib.metadata.version('brightfield')}")
+            return 0
         return _run(words[0], words[1:])
     except BrightfieldError as error:
         for line in str(error).splitlines():

@@ -189,3 +189,8 @@ def test_frames_are_parsed_with_both_ends():
 def test_file_names_are_distinct_and_safe():
     assert file_name("/World/Rig/Top", 5) == "Rig_Top.0005.exr"
     assert file_name("/World/Top", -2.5) == "Top.m2_5.exr"
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("brightfield 0.")
