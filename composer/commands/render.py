@@ -154,6 +154,10 @@ def _offline(
         options_from(args),
     )
     jobs = [replace(job, timeout=args.timeout) for job in jobs]
+    print(
+        "Every BRDF is path-traced by its own formula: no closure is fitted, the residual is 0.",
+        file=sys.stderr,
+    )
     if len(jobs) == 1 and not args.scheduler:  # no cluster for one frame
         if not is_done(jobs[0]):
             work(jobs[0])
