@@ -14,6 +14,7 @@ import numpy as np
 
 from interchange import shader
 from interchange.brdf import MODELS, Brdf
+from interchange.brdf.tabulated_isotropic import TabulatedIsotropic
 from realtime.context import headless_context
 
 SIZE, PAIRS, RUNS = 512, 16, 7
@@ -80,12 +81,13 @@ class Timed:
 
 def main() -> None:
     context = headless_context()
+    models: dict[str, Brdf] = {m.__name__: m(**m.example) for m in MODELS.values()}
+    merl = TabulatedIsotropic(n_theta_h=90, n_theta_d=90, n_phi_d=180, values=np.full(90 * 90 * 180, 0.1))
+    models["TabulatedIsotropic, 90 x 90 x 180 as MERL"] = merl
     with context:
         target = context.framebuffer([context.texture((SIZE, SIZE), 4, dtype="f4")])
         target.use()
-        timed = {"": Timed(context, None)} | {
-            m.__name__: Timed(context, m(**m.example)) for m in MODELS.values()
-        }
+        timed = {"": Timed(context, None)} | {name: Timed(context, brdf) for name, brdf in models.items()}
         times: dict[str, list[float]] = {name: [] for name in timed}
         for _ in range(RUNS + 1):
             for name, one in timed.items():

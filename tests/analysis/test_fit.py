@@ -167,6 +167,18 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise):
     assert binom.sf(inside - 1, total, 0.95) > 1e-4
 
 
+def test_intervals_of_a_whole_fit_by_logarithms_hold_the_truth_at_small_noise():
+    """As above at 5 % noise, by what is minimised where no σ is known, the search and all."""
+    truth, (wi, wo) = Ward((0.2, 0.1, 0.05), (0.1, 0.15, 0.2), 0.17), goniometer(width=0.25, count=40)
+    inside = total = 0
+    for seed in range(40):
+        found = fit(samples_of(truth, wi, wo, 0.05, seed), Ward, Options(weighting="log"))
+        for e, value in zip(found.estimates, truth.flat(), strict=True):
+            inside, total = inside + (e.low <= value <= e.high), total + 1
+    assert binom.cdf(inside, total, 0.95) > 1e-4
+    assert binom.sf(inside - 1, total, 0.95) > 1e-4
+
+
 def test_relative_differences_have_no_bias():
     """Of one albedo the weights are one, so the fit is the mean of the readings, the logarithm's is s² / 2 less."""
     wi, wo = goniometer(count=100)
