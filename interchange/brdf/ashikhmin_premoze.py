@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import beckmann, fresnel_schlick, half_vector
 from interchange.brdf.sampling import Lobe, Shape
@@ -29,6 +29,8 @@ class AshikhminPremoze(Brdf):
     source = "Ashikhmin, Premoze: Distribution-based BRDFs. Technical report, University of Utah 2007."
     isotropic = False
     conserves_energy = False  # the weights are free
+    matte = "diffuse"
+    width = widths(sigma_x=(1, 0), sigma_y=(0, 1))
 
     diffuse: Color = parameter((0.2, 0.2, 0.2), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     f_0: Color = parameter((0.4, 0.4, 0.4), "f_0", "1", 0, 1, "Fresnel reflectance head-on", Kind.COLOR)

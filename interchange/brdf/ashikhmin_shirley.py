@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.cosine_power import cosine_power
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import Vector, fresnel_schlick, half_vector
@@ -27,6 +27,9 @@ from interchange.parameter import Kind, parameter
 class AshikhminShirley(Brdf):
     source = "Ashikhmin, Shirley: An anisotropic Phong BRDF model. J. Graphics Tools 5(2), 2000."
     isotropic = False
+    matte = "R_d"
+    strength = "R_s"
+    width = widths(n_u=(-2, 0), n_v=(0, -2))
 
     R_d: Color = parameter((0.4, 0.4, 0.4), "R_d", "1", 0, 1, "diffuse albedo below the lobe", Kind.COLOR)
     R_s: Color = parameter((0.05, 0.05, 0.05), "R_s", "1", 0, 1, "mirror reflectance head-on", Kind.COLOR)

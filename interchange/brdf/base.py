@@ -28,6 +28,12 @@ class Brdf:
     reciprocal: ClassVar[bool] = True
     conserves_energy: ClassVar[bool] = True  # for every parameter value within the bounds
     example: ClassVar[Mapping[str, Any]] = {}  # what to show it with, where its defaults show nothing
+    matte: ClassVar[str] = (
+        ""  # the parameter that its body colour is proportional to; at zero only lobes are left
+    )
+    strength: ClassVar[str] = ""  # the parameter that its lobes are proportional to
+    height: ClassVar[bool] = False  # ``strength`` is the lobe's peak: its albedo falls with its width
+    width: ClassVar[Mapping[str, tuple[float, float]]] = {}  # of its lobes: see ``widths``
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -131,6 +137,11 @@ class Brdf:
             shape = ((self.lobes,) if about.per_lobe else ()) + ((3,) if about.kind.width == 3 else ())
             changed[name] = numbers.reshape(shape)
         return replace(self, **changed)  # type: ignore[type-var]
+
+
+def widths(**powers: tuple[float, float]) -> Mapping[str, tuple[float, float]]:
+    """Parameters that a lobe's width is made of: each goes with (width along the tangent)^a (across)^b, for (a, b)."""
+    return powers
 
 
 def _one(numbers: list[Any], kind: Kind, channel: int | None) -> Any:

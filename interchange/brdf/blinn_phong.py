@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
@@ -21,6 +21,10 @@ class BlinnPhong(Brdf):
     source = "Blinn: Models of light reflection for computer synthesized pictures. SIGGRAPH 1977."
     reciprocal = False
     conserves_energy = False
+    matte = "diffuse"
+    strength = "specular"
+    height = True
+    width = widths(n=(-1, -1))
 
     diffuse: Color = parameter((0.5, 0.5, 0.5), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     specular: Color = parameter((0.1, 0.1, 0.1), "k_s", "1/sr", 0, 100, "lobe height", Kind.COLOR)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import beckmann, fresnel_conductor, half_vector, v_grooves
 from interchange.brdf.sampling import Lobe, Shape
@@ -24,6 +24,9 @@ from interchange.parameter import Kind, parameter
 class CookTorrance(Brdf):
     source = "Cook and Torrance: A reflectance model for computer graphics. ACM Trans. Graphics 1(1), 1982."
     conserves_energy = False  # the diffuse part is added without weakening it by what the facets reflect
+    matte = "diffuse"
+    strength = "s"
+    width = widths(m=(0.5, 0.5))
 
     diffuse: Color = parameter((0.2, 0.2, 0.2), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     s: Color = parameter((1.0, 1.0, 1.0), "s", "1", 0, 1, "share of the facets", Kind.COLOR)

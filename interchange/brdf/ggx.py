@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import fresnel_conductor, ggx, half_vector, lambda_ggx
 from interchange.brdf.sampling import Lobe, Shape
@@ -31,6 +31,8 @@ class Ggx(Brdf):
     )
     isotropic = False
     conserves_energy = False  # the diffuse part is added without weakening it by what the facets reflect
+    matte = "diffuse"
+    width = widths(alpha_x=(1, 0), alpha_y=(0, 1))
 
     diffuse: Color = parameter((0.2, 0.2, 0.2), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     alpha_x: float = parameter(0.3, "α_x", "1", 1e-3, 1, "roughness along the tangent")

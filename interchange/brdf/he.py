@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from scipy.special import erf
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import Vector, fresnel_conductor, half_vector
 from interchange.brdf.physical_optics import lambert_w, mirror_lobe, series
@@ -43,6 +43,8 @@ class He(Brdf):
         "with the errata of Pacanowski and Holzschuch."
     )
     conserves_energy = False  # the diffuse part is free
+    matte = "diffuse"
+    width = widths(tau=(-0.5, -0.5))
 
     diffuse: Color = parameter((0.0, 0.0, 0.0), "ρ_ud", "1", 0, 1, "uniform diffuse albedo", Kind.COLOR)
     sigma_0: float = parameter(180.0, "σ_0", "nm", 0.1, 2000, "rms height of the surface")

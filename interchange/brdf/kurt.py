@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import beckmann, fresnel_schlick, half_vector
 from interchange.brdf.sampling import Lobe, Shape
@@ -32,6 +32,9 @@ class Kurt(Brdf):
     )
     isotropic = False
     conserves_energy = False  # the weights are free
+    matte = "diffuse"
+    strength = "weight"
+    width = widths(m_x=(1, 0), m_y=(0, 1))
 
     diffuse: Color = parameter((0.2, 0.2, 0.2), "k_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     weight: tuple[Color, ...] = parameter(

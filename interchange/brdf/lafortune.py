@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
@@ -24,6 +24,10 @@ class Lafortune(Brdf):
     isotropic = False
     conserves_energy = False  # weight and C are free
     example: ClassVar[Mapping[str, Any]] = {"weight": (0.8,), "C": ((-0.97, -0.97, 1.0),), "n": (30.0,)}
+    matte = "diffuse"
+    strength = "weight"
+    height = True
+    width = widths(n=(-1, -1))
 
     diffuse: Color = parameter((0.3, 0.3, 0.3), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     weight: tuple[Color, ...] = parameter((), "w", "1/sr", 0, 1e3, "lobe height", Kind.COLOR, per_lobe=True)

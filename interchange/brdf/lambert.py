@@ -18,6 +18,7 @@ Color = tuple[float, float, float]
 @dataclass(frozen=True)
 class Lambert(Brdf):
     source = "Lambert: Photometria. Augsburg 1760."
+    matte = "diffuse"
 
     diffuse: Color = parameter((0.5, 0.5, 0.5), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.cosine_power import cosine_power
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape, mirror
@@ -26,6 +26,9 @@ from interchange.parameter import Kind, parameter
 class Neumann(Brdf):
     source = "Neumann, Neumann, Szirmay-Kalos: Compact metallic reflectance models. Eurographics 1999."
     conserves_energy = False  # rho_d + k_s may exceed 1
+    matte = "diffuse"
+    strength = "k_s"
+    width = widths(n=(-1, -1))
 
     diffuse: Color = parameter((0.05, 0.05, 0.05), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     k_s: Color = parameter((0.6, 0.6, 0.6), "k_s", "1", 0, 1, "albedo of the lobe, head-on", Kind.COLOR)

@@ -27,6 +27,7 @@ from interchange.parameter import Kind, parameter
 class OrenNayar(Brdf):
     source = "Oren and Nayar: Generalization of Lambert's reflectance model. SIGGRAPH 1994."
     conserves_energy = False
+    matte = "rho"
 
     rho: Color = parameter((0.5, 0.5, 0.5), "ρ", "1", 0, 1, "albedo of a facet", Kind.COLOR)
     sigma: float = parameter(0.5, "σ", "rad", 0, np.pi / 2, "standard deviation of the facets' slope angles")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape, mirror
 from interchange.parameter import Kind, parameter
@@ -23,6 +23,10 @@ class Phong(Brdf):
     source = "Phong: Illumination for computer generated pictures. Comm. ACM 18(6), 1975."
     reciprocal = False
     conserves_energy = False
+    matte = "diffuse"
+    strength = "specular"
+    height = True
+    width = widths(n=(-1, -1))
 
     diffuse: Color = parameter((0.5, 0.5, 0.5), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     specular: Color = parameter((0.1, 0.1, 0.1), "k_s", "1/sr", 0, 100, "lobe height", Kind.COLOR)

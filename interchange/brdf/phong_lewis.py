@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape, mirror
 from interchange.parameter import Kind, parameter
@@ -21,6 +21,9 @@ from interchange.parameter import Kind, parameter
 class PhongLewis(Brdf):
     source = "Lewis: Making shaders more physically plausible. Computer Graphics Forum 13(2), 1994."
     conserves_energy = False  # rho_d + rho_s may exceed 1
+    matte = "diffuse"
+    strength = "specular"
+    width = widths(n=(-1, -1))
 
     diffuse: Color = parameter((0.4, 0.4, 0.4), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     specular: Color = parameter((0.2, 0.2, 0.2), "ρ_s", "1", 0, 1, "albedo of the lobe", Kind.COLOR)

@@ -51,6 +51,7 @@ class Rgl(Brdf):
     isotropic = False  # the table decides
     reciprocal = False  # as measured
     conserves_energy = False  # as measured
+    matte = "scale"
 
     scale: Color = parameter((1.0, 1.0, 1.0), "s", "1", 0, 10, "factor on the table", Kind.COLOR)
     n_phi_i: int = setting(1, "N_φi", 1, 256, "azimuths of incidence")

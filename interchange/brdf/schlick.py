@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import fresnel_schlick, half_vector
 from interchange.brdf.sampling import Lobe, Shape
@@ -32,6 +32,7 @@ class Schlick(Brdf):
     source = "Schlick: An inexpensive BRDF model for physically-based rendering. Eurographics 1994."
     isotropic = False
     conserves_energy = False
+    width = widths(r=(1, 1))
 
     C: Color = parameter((0.5, 0.5, 0.5), "C", "1", 0, 1, "reflectance head-on", Kind.COLOR)
     r: float = parameter(0.1, "r", "1", 1e-5, 1, "roughness")

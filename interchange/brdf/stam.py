@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import fresnel_conductor, half_vector
 from interchange.brdf.physical_optics import mirror_lobe, series
@@ -30,6 +30,8 @@ class Stam(Brdf):
     source = "Stam: Diffraction shaders. SIGGRAPH 1999."
     isotropic = False
     conserves_energy = False
+    matte = "diffuse"
+    width = widths(T_x=(-1, 0), T_y=(0, -1))
 
     diffuse: Color = parameter((0.02, 0.02, 0.02), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     sigma: float = parameter(100.0, "σ", "nm", 0.1, 2000, "rms height of the surface")

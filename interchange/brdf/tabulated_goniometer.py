@@ -35,6 +35,7 @@ class TabulatedGoniometer(Brdf):
     isotropic = False  # the table decides
     reciprocal = False  # as measured
     conserves_energy = False  # as measured
+    matte = "scale"
 
     scale: Color = parameter((1.0, 1.0, 1.0), "s", "1", 0, 10, "factor on the table", Kind.COLOR)
     theta_i_max: float = parameter(1.3, "θ_i", "rad", 0.1, np.pi / 2, "largest polar angle of the light")

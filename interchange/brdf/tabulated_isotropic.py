@@ -31,6 +31,7 @@ class TabulatedIsotropic(Brdf):
         "Rusinkiewicz: A new change of variables for efficient BRDF representation. EGRW 1998."
     )
     conserves_energy = False  # values are free
+    matte = "scale"
 
     scale: Color = parameter((1.0, 1.0, 1.0), "s", "1", 0, 10, "factor on the table", Kind.COLOR)
     n_theta_h: int = setting(3, "N_θh", 1, 1024, "bins of the half vector's polar angle")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.microfacet import fresnel_conductor, half_vector, polar_angle, v_grooves
 from interchange.brdf.sampling import Lobe, Shape
@@ -27,6 +27,9 @@ class TorranceSparrow(Brdf):
         "Torrance and Sparrow: Theory for off-specular reflection from roughened surfaces. JOSA 57(9), 1967."
     )
     conserves_energy = False  # b is free
+    matte = "diffuse"
+    strength = "b"
+    width = widths(c=(-0.5, -0.5))
 
     diffuse: Color = parameter((0.2, 0.2, 0.2), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     b: Color = parameter((0.5, 0.5, 0.5), "b", "1/sr", 0, 1e3, "area of facets", Kind.COLOR)

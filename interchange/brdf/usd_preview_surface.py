@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
@@ -26,6 +26,8 @@ class UsdPreviewSurface(Brdf):
         "UsdPreviewSurface specification 2.6 and its reference shader previewSurface.glslfx, openusd.org."
     )
     conserves_energy = False  # the clear coat is added without weakening what lies below
+    matte = "diffuseColor"
+    width = widths(roughness=(0.25, 0.25), clearcoatRoughness=(0.25, 0.25))
 
     diffuseColor: Color = parameter((0.18, 0.18, 0.18), "c_d", "1", 0, 1, "base colour", Kind.COLOR)
     useSpecularWorkflow: float = parameter(0.0, "w", "1", 0, 1, "1: specularColor rules; 0: metallic rules")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from interchange.brdf.base import Brdf
+from interchange.brdf.base import Brdf, widths
 from interchange.brdf.lambert import Color
 from interchange.brdf.sampling import Lobe, Shape
 from interchange.parameter import Kind, parameter
@@ -22,6 +22,9 @@ class WardAnisotropic(Brdf):
     source = "Ward: Measuring and modeling anisotropic reflection. SIGGRAPH 1992."
     isotropic = False
     conserves_energy = False
+    matte = "diffuse"
+    strength = "specular"
+    width = widths(alpha_x=(1, 0), alpha_y=(0, 1))
 
     diffuse: Color = parameter((0.3, 0.3, 0.3), "ρ_d", "1", 0, 1, "diffuse albedo", Kind.COLOR)
     specular: Color = parameter((0.2, 0.2, 0.2), "ρ_s", "1", 0, 1, "albedo of the lobe", Kind.COLOR)

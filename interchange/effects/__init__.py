@@ -1,4 +1,4 @@
-"""The effects of the image chain, one file each, under the names of the file contract."""
+"""The effects of the gap catalogue, one file each, under the names of the file contract."""
 
 from collections.abc import Sequence
 
@@ -17,8 +17,8 @@ def chain(camera: Camera, given: Sequence[Effect] = ()) -> tuple[tuple[Effect, .
     for effect in given:
         camera = effect.on(camera)
     kinds = {type(effect) for effect in given}
-    own = [model.of(camera) for model in MODELS.values() if model not in kinds]
-    there = [effect for effect in (*own, *given) if effect.is_there]
+    own = [model.of(camera) for model in MODELS.values() if model.is_of_the_chain() and model not in kinds]
+    there = [effect for effect in (*own, *given) if effect.is_of_the_chain() and effect.is_there]
     return tuple(sorted(there, key=lambda e: (e.stage, e.order))), camera
 
 

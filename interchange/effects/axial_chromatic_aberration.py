@@ -18,6 +18,9 @@ class AxialChromaticAberration(Effect):
     stage = Stage.OPTICS
     order = 30
     source = "Smith: Modern Optical Engineering, 4th ed., 2008, chapter 5."
+    identified_by = "Edges blur in one channel more than in another, without a shift."
+    confused_with = ("lateral_chromatic_aberration", "defocus")
+    separated_by = "black and white edges at distances before and behind the focus"
     carried_by = carried(
         red="lens.axial_chromatic_aberration.0",
         green="lens.axial_chromatic_aberration.1",

@@ -1,6 +1,6 @@
-"""What every effect of the image chain is: declared parameters, a stage, and one function on pixels.
+"""What every effect is: declared parameters, a stage, and one function on pixels or on the scene.
 
-An effect takes an image of its stage's quantity and gives one of the same quantity:
+An effect of the image chain takes an image of its stage's quantity and gives one of the same quantity (``apply``):
 
 | stage | pixels are | unit |
 |---|---|---|
@@ -8,8 +8,17 @@ An effect takes an image of its stage's quantity and gives one of the same quant
 | ``SENSOR`` | electrons, three channels or one | e- |
 | ``READOUT`` | digital numbers, not rounded before ``quantization`` | DN |
 
-``SCENE`` and ``MATERIAL`` effects change what is rendered; ``expose`` leaves them alone. Within a stage light meets
-the effect of lower ``order`` first. The defaults of a model are the effect that is not there.
+``SCENE`` and ``MATERIAL`` effects, and the lens where it bends rays, change what is rendered; ``expose`` leaves them
+alone. In place of ``apply`` they have ``on_scene``, which gives the scene to be rendered instead, or, where no scene
+can say the effect, ``on_radiance``, which gives a rendering after it. ``target`` is the prim path of the lamp, object,
+material or camera that they are about, or its last part; "" is all of them.
+
+Their parameters are what reality differs by from what the scene says, in the units that rigs are measured in: mm, mrad,
+factors. Within a stage light meets the effect of lower ``order`` first. The defaults of a model are the effect that
+is not there.
+
+``identified_by``, ``confused_with`` and ``separated_by`` are for a diagnosis: what only this effect does, which effects
+look alike, and the one more capture that tells it from them.
 
 ``carried_by`` says which number of the camera each parameter is ("lens.vignetting.0"): a scene file's attribute is
 read into the effect and written back through it.
@@ -24,6 +33,7 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.image import Image
 from interchange.parameter import freeze
+from interchange.scene import Scene
 
 
 class Stage(IntEnum):
@@ -42,6 +52,9 @@ class Effect:
     achromatic: ClassVar[bool] = False  # linear, and alike for all channels: it may act on their mean
     always: ClassVar[bool] = False  # part of every camera, whatever its parameters
     carried_by: ClassVar[dict[str, str]] = {}
+    identified_by: ClassVar[str]
+    confused_with: ClassVar[tuple[str, ...]]
+    separated_by: ClassVar[str]
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -60,7 +73,22 @@ class Effect:
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         """The image after the effect. Without ``rng``: its mean over many frames."""
-        raise NotImplementedError
+        return image
+
+    def on_scene(self, scene: Scene, target: str = "") -> Scene:
+        """The scene that has the effect on ``target``. Raises BrightfieldError where there is no such target, or where
+        the scene cannot have the effect."""
+        return scene
+
+    def on_radiance(self, image: Image, target: str = "") -> Image:
+        """The rendering, radiance with passes, after the effect on ``target``. Raises BrightfieldError where a pass is
+        missing."""
+        return image
+
+    @classmethod
+    def is_of_the_chain(cls) -> bool:
+        """Whether ``expose`` applies it."""
+        return cls.apply is not Effect.apply
 
     def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
         """Where the effect is a convolution alike all over this image: its kernel, one for all channels or one each.

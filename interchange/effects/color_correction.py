@@ -20,6 +20,9 @@ class ColorCorrection(Effect):
     stage = Stage.READOUT
     order = 50
     source = "EMVA GenICam SFNC 2.7, 2022: ColorTransformationControl."
+    identified_by = "DN above black of the channels are mixed by one matrix that no sensor has by itself."
+    confused_with = ("color_crosstalk", "white_balance")
+    separated_by = "saturated red, green and blue patches, raw and processed"
     pointwise = True
 
     red: Color = parameter((1, 0, 0), "M_R", "1", -64, 64, "new red of each channel", Kind.VECTOR)

@@ -20,6 +20,9 @@ class ColorCrosstalk(Effect):
     source = (
         "Nakamura (ed.): Image Sensors and Signal Processing for Digital Still Cameras. CRC 2006, chapter 3."
     )
+    identified_by = "Saturated colours are paler by the same matrix on every material; grey stays grey."
+    confused_with = ("white_balance", "albedo", "light_spectrum")
+    separated_by = "saturated red, green and blue patches in one image"
     pointwise = True
     carried_by = carried(
         rg="sensor.color_crosstalk.0",

@@ -28,6 +28,11 @@ class Defocus(Effect):
     stage = Stage.OPTICS
     order = 40
     source = "Potmesil, Chakravarty: A lens and aperture camera model for synthetic image generation. SIGGRAPH 1981."
+    identified_by = (
+        "All edges blur, of objects as of shadows, the more the farther from the distance in focus."
+    )
+    confused_with = ("motion_blur", "light_size", "translucency", "diffraction")
+    separated_by = "edges at a second distance, in two orientations"
     achromatic = True
     carried_by = carried(blur="lens.blur", f_stop="lens.f_stop", focus_distance="lens.focus_distance")
 

@@ -17,6 +17,9 @@ class Demosaic(Effect):
     stage = Stage.READOUT
     order = 40
     source = "OpenCV 4.11, cv2.demosaicing: COLOR_Bayer*2RGB (bilinear) and COLOR_Bayer*2RGB_EA (edge aware)."
+    identified_by = "Edges have coloured fringes with a period of 2 px."
+    confused_with = ("mosaic", "lateral_chromatic_aberration")
+    separated_by = "the raw image beside the processed one"
     carried_by = carried(method="sensor.demosaic", pattern="sensor.mosaic")
 
     method: Method = Method.BILINEAR

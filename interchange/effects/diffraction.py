@@ -20,6 +20,9 @@ class Diffraction(Effect):
     source = (
         "Airy: On the diffraction of an object-glass with circular aperture. Trans. Camb. Phil. Soc. 5, 1835."
     )
+    identified_by = "All edges blur alike, red ones more than blue ones, more with a smaller aperture."
+    confused_with = ("defocus", "axial_chromatic_aberration")
+    separated_by = "the same scene with the aperture two stops wider"
 
     f_stop: float = parameter(0.0, "N", "1", 0, 1e3, "working f-number; 0 is an aperture without bounds")
 

@@ -17,6 +17,9 @@ class Exposure(Effect):
     source = (
         "EMVA Standard 1288, release 4.0 Linear, 2021, eq. 1: the mean number of photons is linear in time."
     )
+    identified_by = "All DN above black are larger by one factor, in every capture."
+    confused_with = ("light_intensity", "response_curve", "saturation")
+    separated_by = "the same scene at half and at twice the exposure"
     pointwise = True
 
     scale: float = parameter(1.0, "a", "1", 0, 1e6, "electrons over those that the camera's numbers give")

@@ -30,6 +30,9 @@ class FieldBlur(Effect):
     source = (
         "Welford: Aberrations of Optical Systems. Adam Hilger 1986, chapter 7 (transverse ray aberrations)."
     )
+    identified_by = "Edges blur towards the image's corners, along the radius other than around it."
+    confused_with = ("defocus", "motion_blur")
+    separated_by = "a pattern of edges in all directions over the whole image"
     achromatic = True
     carried_by = carried(
         axis="lens.field_blur.0",

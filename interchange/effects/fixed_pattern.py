@@ -23,6 +23,11 @@ class FixedPattern(Effect):
     stage = Stage.SENSOR
     order = 50
     source = "EMVA Standard 1288, release 4.0 Linear, 2021, section 4."
+    identified_by = "The same pixels are off in captures of different scenes."
+    confused_with = ("sensor_noise", "quantization", "hot_pixels")
+    separated_by = (
+        "two flat fields of different brightness, eight repeats each, and as many with the lens covered"
+    )
     pointwise = True
     carried_by = carried(
         prnu="sensor.prnu",

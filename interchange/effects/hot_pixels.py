@@ -25,6 +25,9 @@ class HotPixels(Effect):
         "Widenhorn, Blouke, Weber, Rest, Bodegom: Temperature dependence of dark current in a CCD. Proc. SPIE 4669, "
         "2002 (a tail of the dark current's histogram that falls exponentially)."
     )
+    identified_by = "Single pixels are brighter in every image, more so with longer exposure."
+    confused_with = ("fixed_pattern",)
+    separated_by = "a long exposure with the lens covered"
     pointwise = True
     carried_by = carried(share="sensor.hot_pixels.0", current="sensor.hot_pixels.1")
 

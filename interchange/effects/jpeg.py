@@ -17,6 +17,9 @@ class Jpeg(Effect):
     stage = Stage.READOUT
     order = 70
     source = "ITU-T T.81 | ISO/IEC 10918-1, by libjpeg-turbo as OpenCV has it."
+    identified_by = "Steps between blocks of 8 by 8 px, and little else than a few values inside them."
+    confused_with = ("quantization", "sensor_noise")
+    separated_by = "one capture without compression"
     carried_by = carried(quality="sensor.jpeg_quality", subsampling="sensor.jpeg_subsampling")
 
     quality: float = parameter(0.0, "Q", "1", 0, 100, "of libjpeg; 0 is no compression")

@@ -25,6 +25,9 @@ class LateralChromaticAberration(Effect):
         "Mallon, Whelan: Calibration and removal of lateral chromatic aberration in images. "
         "Pattern Recognition Letters 28(1), 2007."
     )
+    identified_by = "Red and blue edges shift apart along the radius, the more the farther from the axis."
+    confused_with = ("lens_distortion", "axial_chromatic_aberration")
+    separated_by = "black and white edges in the image's corners"
     carried_by = carried(
         red="lens.lateral_chromatic_aberration.0",
         blue="lens.lateral_chromatic_aberration.1",

@@ -24,6 +24,9 @@ class LineScan(Effect):
     stage = Stage.OPTICS
     order = 14
     source = "Hui, Wen, Zhang, Li: Line scan camera calibration for fabric imaging. J. Textile Inst. 2013."
+    identified_by = "Lengths along the motion differ from those across it by one factor."
+    confused_with = ("camera_pose", "geometry")
+    separated_by = "a chessboard, scanned"
     achromatic = True
 
     stretch: float = parameter(1.0, "a", "1", 0.01, 100, "lines a pixel of the object's motion")

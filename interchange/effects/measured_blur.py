@@ -25,6 +25,9 @@ class MeasuredBlur(Effect):
     stage = Stage.OPTICS
     order = 29
     source = "ISO 12233:2017, slanted edges at positions of the field; Burns: Slanted-edge MTF. PICS 2000."
+    identified_by = "Edges blur as the lens's measured point spread says."
+    confused_with = ("defocus", "diffraction")
+    separated_by = "slanted edges over the whole image"
     achromatic = True
     carried_by = carried(sigmas="lens.measured_blur")
 

@@ -19,6 +19,9 @@ class Mosaic(Effect):
     stage = Stage.SENSOR
     order = 30
     source = "Bayer: Color imaging array. US patent 3,971,065, 1976."
+    identified_by = "Neighbouring pixels differ with a period of 2 px, on coloured surfaces most."
+    confused_with = ("demosaic",)
+    separated_by = "an evenly lit coloured plate"
     pointwise = True
     carried_by = carried(pattern="sensor.mosaic")
 

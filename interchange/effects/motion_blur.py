@@ -27,6 +27,9 @@ class MotionBlur(Effect):
     stage = Stage.OPTICS
     order = 12
     source = "Potmesil, Chakravarty: Modeling motion blur in computer-generated images. SIGGRAPH 1983."
+    identified_by = "Edges across one direction blur, those along it stay; it grows with the exposure time."
+    confused_with = ("defocus", "rolling_shutter", "anisotropy")
+    separated_by = "the same scene with a tenth of the exposure time and ten times the light"
     achromatic = True
 
     u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during the exposure")

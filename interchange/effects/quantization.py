@@ -15,6 +15,9 @@ class Quantization(Effect):
     stage = Stage.READOUT
     order = 20
     source = "EMVA Standard 1288, release 4.0 Linear, 2021, eq. 8, after Widrow 1956."
+    identified_by = "Only every so many values of DN occur."
+    confused_with = ("jpeg", "sensor_noise", "response_curve")
+    separated_by = "a histogram of an evenly lit plate at the camera's full bit depth"
     pointwise = True
     always = True
     carried_by = carried(bits="sensor.bit_depth")

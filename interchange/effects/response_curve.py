@@ -24,6 +24,9 @@ class ResponseCurve(Effect):
     stage = Stage.READOUT
     order = 60
     source = "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004."
+    identified_by = "DN differ by a function of DN alone, whatever the material and the place."
+    confused_with = ("exposure", "saturation", "black_level")
+    separated_by = "the same scene at a quarter and at four times the exposure"
     pointwise = True
     carried_by = carried(
         gamma="sensor.gamma",

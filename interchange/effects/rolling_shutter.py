@@ -24,6 +24,9 @@ class RollingShutter(Effect):
     stage = Stage.OPTICS
     order = 10
     source = "Meingast, Geyer, Sastry: Geometric models of rolling-shutter cameras. OmniVis 2005."
+    identified_by = "Vertical edges of what moves lean by the row; what stands still is unchanged."
+    confused_with = ("motion_blur", "camera_pose")
+    separated_by = "the same scene standing still"
     achromatic = True
     carried_by = carried(line_time="sensor.line_time", frame_rate="sensor.frame_rate")
 

@@ -15,6 +15,11 @@ class Saturation(Effect):
     stage = Stage.SENSOR
     order = 60
     source = "EMVA Standard 1288, release 4.0 Linear, 2021, section 2.5."
+    identified_by = (
+        "Nothing is brighter than one level below the highest DN: the histogram ends in a spike there."
+    )
+    confused_with = ("response_curve", "exposure")
+    separated_by = "the same scene at half and at twice the exposure"
     pointwise = True
     always = True
     carried_by = carried(full_well="sensor.full_well")

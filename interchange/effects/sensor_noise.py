@@ -25,6 +25,9 @@ class SensorNoise(Effect):
     stage = Stage.SENSOR
     order = 40
     source = "EMVA Standard 1288, release 4.0 Linear, 2021, section 2."
+    identified_by = "The variance of repeats is not what the data sheet says; the mean image is the same."
+    confused_with = ("fixed_pattern", "quantization")
+    separated_by = "eight repeats or more of one scene"
     pointwise = True
     always = True
     carried_by = carried(read_noise="sensor.read_noise", dark_current="sensor.dark_current")

@@ -26,6 +26,9 @@ class VeilingGlare(Effect):
         "ISO 9358:1994; Talvala, Adams, Horowitz, Levoy: Veiling glare in high dynamic range imaging. "
         "ACM Trans. Graphics 26(3), 2007."
     )
+    identified_by = "A pedestal that follows the mean brightness of the scene."
+    confused_with = ("black_level", "ambient_light", "interreflection")
+    separated_by = "the same scene at a quarter of the exposure, and a capture with the lens covered"
     achromatic = True
     carried_by = carried(g="lens.veiling_glare.0", radius="lens.veiling_glare.1")
 

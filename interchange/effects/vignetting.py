@@ -19,6 +19,11 @@ class Vignetting(Effect):
     stage = Stage.OPTICS
     order = 60
     source = "Goldman: Vignette and exposure calibration and compensation. IEEE PAMI 32(12), 2010."
+    identified_by = "A fall-off around the axis that is fixed to the image, whatever is in view."
+    confused_with = ("light_beam", "exposure")
+    separated_by = (
+        "a flat field (an integrating sphere or an evenly lit plate), or the camera turned by 90 degrees"
+    )
     pointwise = True
     achromatic = True
     carried_by = carried(a2="lens.vignetting.0", a4="lens.vignetting.1")

@@ -18,6 +18,9 @@ class WhiteBalance(Effect):
     stage = Stage.READOUT
     order = 30
     source = "EMVA GenICam SFNC 2.7, 2022: BalanceRatio."
+    identified_by = "Channels differ by one factor each, in every capture and on every material."
+    confused_with = ("light_spectrum", "color_crosstalk", "albedo")
+    separated_by = "a grey card under each lamp alone"
     pointwise = True
     carried_by = carried(
         red="sensor.white_balance.0", green="sensor.white_balance.1", blue="sensor.white_balance.2"

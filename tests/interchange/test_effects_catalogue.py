@@ -1,0 +1,347 @@
+"""What holds for every effect of the catalogue, and for those that change the scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from interchange.brdf import MODELS as BRDFS
+from interchange.brdf.base import Brdf
+from interchange.brdf.ggx import Ggx
+from interchange.brdf.lafortune import Lafortune
+from interchange.brdf.lambert import Lambert
+from interchange.brdf.lobes import body_off, has_lobes, width_factors
+from interchange.brdf.phong import Phong
+from interchange.brdf.ward import Ward
+from interchange.camera import Camera, Lens, Sensor
+from interchange.effects import MODELS, Effect, Stage, chain
+from interchange.effects.albedo import Albedo
+from interchange.effects.ambient_light import AmbientLight
+from interchange.effects.anisotropy import Anisotropy
+from interchange.effects.camera_pose import CameraPose
+from interchange.effects.geometry import Geometry
+from interchange.effects.gloss import Gloss
+from interchange.effects.interreflection import Interreflection
+from interchange.effects.lens_distortion import LensDistortion
+from interchange.effects.light_beam import LightBeam
+from interchange.effects.light_intensity import LightIntensity
+from interchange.effects.light_position import LightPosition
+from interchange.effects.light_size import LightSize
+from interchange.effects.light_spectrum import LightSpectrum
+from interchange.effects.object_pose import ObjectPose
+from interchange.effects.principal_point import PrincipalPoint
+from interchange.effects.shadow import TWIN, Shadow
+from interchange.effects.texture import Texture, box_uv
+from interchange.effects.translucency import Translucency
+from interchange.image import Image
+from interchange.light import Light, LightKind
+from interchange.material import Material, evaluate_texture
+from interchange.mesh import Mesh
+from interchange.parameter import parameters
+from interchange.problems import BrightfieldError
+from interchange.scene import Body, Scene
+
+NAMES = """camera_pose object_pose geometry light_position light_intensity light_beam light_size light_spectrum
+ambient_light albedo gloss anisotropy texture translucency interreflection shadow lens_distortion principal_point
+vignetting defocus lateral_chromatic_aberration veiling_glare motion_blur sensor_noise black_level exposure
+response_curve saturation white_balance color_crosstalk fixed_pattern rolling_shutter jpeg quantization"""
+CONTRACT = NAMES.split()
+
+EACH = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS.keys())
+
+
+def _box(
+    size: tuple[float, float, float], at: tuple[float, float, float], material: Material, name: str
+) -> Body:
+    corner = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) - (0.5, 0.5, 0)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    pose = np.eye(4)
+    pose[:3, 3] = at
+    vertices = corner * size
+    normals = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
+    return Body(name, Mesh(vertices, faces, normals), material, pose)
+
+
+@pytest.fixture
+def scene() -> Scene:
+    steel = Material("/M/steel", Ward((0.2, 0.2, 0.2), (0.3, 0.3, 0.3), 0.1))
+    paper = Material("/M/paper", Lambert((0.8, 0.7, 0.6)))
+    bodies = (
+        _box((0.4, 0.4, 0.01), (0, 0, -0.01), paper, "/W/table"),
+        _box((0.06, 0.04, 0.02), (0.1, 0.05, 0), steel, "/W/part"),
+    )
+    lights = (
+        Light("/W/A", LightKind.SPHERE, (2.0, 2.0, 2.0), _at(0, 0, 1), radius=3e-3),
+        Light("/W/B", LightKind.RECT, (1.0, 2.0, 3.0), _at(0.5, 0, 0.5), width=0.02, height=0.04),
+        Light("/W/C", LightKind.DISTANT, (1.0, 1.0, 1.0)),
+    )
+    return Scene(bodies, lights, (Camera("/W/Top", _at(0, 0, -0.5), Lens(0.025), Sensor((64, 48))),))
+
+
+def _at(x: float, y: float, z: float) -> np.ndarray:
+    there = np.eye(4)
+    there[:3, 3] = (x, y, z)
+    return there
+
+
+def test_every_name_of_the_file_contract_has_its_file():
+    assert set(CONTRACT) <= set(MODELS)
+
+
+@EACH
+def test_an_effect_acts_in_one_place(model):
+    own = [f for f in ("apply", "on_scene", "on_radiance") if getattr(model, f) is not getattr(Effect, f)]
+    assert len(own) == 1
+    assert model.is_of_the_chain() == (own == ["apply"])
+    assert (model.stage < Stage.OPTICS) <= (not model.is_of_the_chain())
+
+
+@EACH
+def test_an_effect_by_default_leaves_scene_and_rendering_as_they_are(model, scene):
+    image = Image(np.ones((48, 64, 3), np.float32))
+    assert model().on_scene(scene) is scene
+    assert model().on_radiance(image) is image
+
+
+@EACH
+def test_an_effect_says_what_tells_it_from_others(model):
+    assert model.identified_by.endswith(".")
+    assert model.identified_by[0].isupper()
+    assert not model.separated_by.endswith(".")
+    assert set(model.confused_with) <= set(MODELS) - {model.name()}
+    assert model.confused_with
+    assert model.__module__.rsplit(".", 1)[-1] == model.name()
+
+
+@EACH
+def test_defaults_lie_within_the_bounds_and_have_units(model):
+    for name, about in parameters(model).items():
+        assert np.all(np.asarray(getattr(model(), name)) >= about.low)
+        assert np.all(np.asarray(getattr(model(), name)) <= about.high)
+        assert about.unit
+        assert about.meaning
+
+
+def test_the_chain_holds_no_effect_of_the_scene(scene):
+    camera = replace(scene.cameras[0], lens=Lens(0.025, distortion=(-0.1,)), principal_point=(10.0, 20.0))
+    through, changed = chain(camera, [LensDistortion(k1=0.2), Gloss(width=2)])
+    assert all(e.is_of_the_chain() for e in through)
+    assert changed.lens.distortion[0] == 0.2
+
+
+@pytest.mark.parametrize("effect", [LightIntensity(2), Gloss(2), ObjectPose(1), CameraPose(1)])
+def test_a_target_must_be_there(effect, scene):
+    with pytest.raises(BrightfieldError, match="must be a"):
+        effect.on_scene(scene, "/W/nowhere")
+
+
+def test_a_camera_pose_moves_what_the_camera_sees(scene):
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.1, 0.1, (20, 3))
+    before, after = (
+        s.cameras[0] for s in (scene, CameraPose(tx=2, ty=-1, tz=5, rz=np.pi / 2 * 1e3).on_scene(scene))
+    )
+    seen = points @ before.camera_from_world[:3, :3].T + before.camera_from_world[:3, 3]
+    moved = points @ after.camera_from_world[:3, :3].T + after.camera_from_world[:3, 3]
+    turned = np.stack([-seen[:, 1], seen[:, 0], seen[:, 2]], -1)
+    assert moved - turned == pytest.approx(np.tile([2e-3, -1e-3, 5e-3], (20, 1)), abs=1e-12)
+
+
+def test_an_object_turns_about_its_middle_and_grows_from_its_underside(scene):
+    low, high = replace(scene, bodies=scene.bodies[1:]).bounds
+    turned = ObjectPose(z=3, rz=1e3 * np.pi / 2).on_scene(scene, "part")
+    a, b = replace(turned, bodies=turned.bodies[1:]).bounds
+    assert (a + b) / 2 == pytest.approx((low + high) / 2 + [0, 0, 3e-3])
+    assert (b - a) == pytest.approx((high - low)[[1, 0, 2]])
+    grown = Geometry(1.1).on_scene(scene, "/W/part")
+    a, b = replace(grown, bodies=grown.bodies[1:]).bounds
+    assert a[2] == pytest.approx(low[2])
+    assert b - a == pytest.approx(1.1 * (high - low))
+    assert grown.bodies[0] is scene.bodies[0]
+
+
+def test_lamps_change_as_their_effects_say(scene):
+    moved = LightPosition(x=1, z=-2).on_scene(scene)
+    assert moved.lights[0].world_from_light[:3, 3] == pytest.approx([1e-3, 0, 1 - 2e-3])
+    assert moved.lights[2] is scene.lights[2]
+    assert LightIntensity(3).on_scene(scene, "B").lights[1].intensity == (3, 6, 9)
+    grown = LightSize(4).on_scene(scene)
+    assert grown.lights[0].radius == pytest.approx(5e-3)  # 3, 4, 5
+    assert LightSize(-4).on_scene(grown).lights[0].radius == pytest.approx(3e-3)
+    assert (grown.lights[1].width / 2) ** 2 == pytest.approx(0.01**2 + 4e-3**2)
+    coloured = LightSpectrum(red=0.2, blue=-0.1).on_scene(scene, "B").lights[1].intensity
+    assert coloured == pytest.approx((1.4, 1.8, 2.8))
+    assert sum(coloured) == pytest.approx(6)
+    with pytest.raises(BrightfieldError, match="negative"):
+        LightSpectrum(red=-3).on_scene(scene)
+    assert AmbientLight(1, 2, 3).on_scene(scene).lights[-1].radiance == pytest.approx([1, 2, 3])
+
+
+def test_a_beam_falls_off_by_its_cosine_about_the_lamps_axis(scene):
+    middle = scene.bounds.mean(axis=0)
+    for light in LightBeam(m=2.5).on_scene(scene).lights[:2]:
+        axis = -light.world_from_light[:3, 2]
+        to = middle - light.world_from_light[:3, 3]
+        if light.name == "/W/A":  # shines everywhere alike: its axis is turned
+            assert axis @ to == pytest.approx(np.linalg.norm(to))
+        theta = np.linspace(0, 1.4, 8)
+        direction = np.stack([np.sin(theta), 0 * theta, -np.cos(theta)], -1)
+        assert light.shaping(direction)[:, 0] == pytest.approx(np.cos(theta) ** 2.5)
+
+
+def test_light_in_shadows_is_a_second_lamp(scene):
+    lights = {x.name: x for x in Shadow(0.3).on_scene(scene, "A").lights}
+    twin = lights["/W/A" + TWIN]
+    assert not twin.casts_shadows
+    assert np.add(lights["/W/A"].intensity, twin.intensity) == pytest.approx(scene.lights[0].intensity)
+    assert twin.intensity[0] == pytest.approx(0.6)
+
+
+def test_lens_effects_add_to_what_the_camera_has(scene):
+    once = LensDistortion(k1=-0.1, p2=0.01).on_scene(scene)
+    twice = LensDistortion(k1=-0.1).on_scene(once)
+    assert twice.cameras[0].lens.distortion[:4] == pytest.approx((-0.2, 0, 0, 0.01))
+    shifted = PrincipalPoint(2, 3).on_scene(PrincipalPoint(1, 1).on_scene(scene))
+    assert shifted.cameras[0].K[:2, 2] == pytest.approx(scene.cameras[0].K[:2, 2] + [3, 4])
+
+
+WI = np.array([[0.1, 0.2, 0.97], [-0.5, 0.1, 0.86], [0.6, -0.2, 0.77]])
+WI /= np.linalg.norm(WI, axis=-1, keepdims=True)
+WO = np.array([-0.3, 0.2, 0.93]) / np.linalg.norm([-0.3, 0.2, 0.93])
+
+
+@pytest.mark.parametrize("name", [n for n, m in BRDFS.items() if m.matte and n != "oren_nayar"])
+def test_the_body_colour_is_what_a_model_is_linear_in(name):
+    """f(ρ) - f(0) ∝ ρ for every model that declares it; Oren and Nayar's has light between facets beside, ρ²."""
+    brdf = BRDFS[name](**BRDFS[name].example)
+    brdf = replace(brdf, **{brdf.matte: (0.3, 0.4, 0.5)})
+    dark = body_off(brdf)
+    full = replace(brdf, **{brdf.matte: np.asarray(getattr(brdf, brdf.matte)) / 2})
+    f, half, none = (b.evaluate(WI, WO) for b in (brdf, full, dark))
+    assert f - none == pytest.approx(2 * (half - none), rel=1e-9, abs=1e-12)
+    assert (f > none).all()
+
+
+@pytest.mark.parametrize("name", [n for n, m in BRDFS.items() if m.width])
+def test_declared_widths_are_widths(name):
+    """Wider lobes fall off more slowly, beside the mirror spike that some have, and factors undo each other."""
+    brdf = BRDFS[name](**BRDFS[name].example)
+    factors = width_factors(brdf, 1.6, 1.6)
+    wide = replace(brdf, **{n: np.asarray(getattr(brdf, n)) * f for n, f in factors.items()})
+    turn = np.radians([4.0, 8.0])
+    wi = np.stack([-np.sin(0.5 + turn), 0 * turn, np.cos(0.5 + turn)], -1)
+    wo = np.array([np.sin(0.5), 0, np.cos(0.5)])
+    f, g = (body_off(b).evaluate(wi, wo).mean(-1) for b in (brdf, wide))
+    assert g[1] / g[0] > f[1] / f[0]
+    for n, f in width_factors(brdf, 1 / 1.6, 1 / 1.6).items():
+        assert f * factors[n] == pytest.approx(1)
+
+
+def _albedo(brdf: Brdf) -> float:
+    """Of the lobes alone, at 20 degrees."""
+    wo = np.array([np.sin(0.35), 0, np.cos(0.35)])
+    alone = body_off(brdf)
+    t = (np.arange(400) + 0.5) / 400 * np.pi / 2
+    p = (np.arange(400) + 0.5) / 400 * 2 * np.pi
+    theta, phi = np.meshgrid(t, p, indexing="ij")
+    wi = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+    f = alone.evaluate(wi, wo)[..., 0]
+    return float((f * np.sin(theta) * np.cos(theta)).sum() * (np.pi / 800) * (2 * np.pi / 400))
+
+
+@pytest.mark.parametrize(
+    "brdf",
+    [Ward(alpha=0.12), Ggx(alpha_x=0.2, alpha_y=0.2), Phong(n=60.0),
+     Lafortune((0.1,) * 3, ((0.6,) * 3,), ((-1, -1, 1),), (60.0,))],
+    ids=lambda b: type(b).__name__,
+)  # fmt: skip
+def test_gloss_keeps_the_light_of_a_lobe_and_level_scales_it(brdf):
+    """Within 4 %: what a lobe loses below the horizon and to masking."""
+    body = Body("/b", Mesh(np.zeros((3, 3)), np.zeros((1, 3), int), np.zeros((3, 3))), Material("/m", brdf))
+    scene = Scene((body,))
+    wide = Gloss(width=1.3).on_scene(scene).bodies[0].material.brdf
+    strong = Gloss(level=1.5).on_scene(scene, "m").bodies[0].material.brdf
+    assert _albedo(wide) == pytest.approx(_albedo(brdf), rel=0.04)
+    alone = body_off(brdf).evaluate(WI, WO)
+    assert strong.evaluate(WI, WO) - brdf.evaluate(WI, WO) == pytest.approx(0.5 * alone, rel=1e-9)
+    mirror = WO * [-1, -1, 1]
+    assert wide.evaluate(mirror, WO)[0] < brdf.evaluate(mirror, WO)[0]
+
+
+@pytest.mark.parametrize("brdf", [Ward(alpha=0.12), Phong(n=60.0), Ggx(alpha_x=0.1, alpha_y=0.1)])
+def test_anisotropy_stretches_a_lobe_along_the_tangent(brdf):
+    body = Body("/b", Mesh(np.zeros((3, 3)), np.zeros((1, 3), int), np.zeros((3, 3))), Material("/m", brdf))
+    changed = Anisotropy(1.8).on_scene(Scene((body,))).bodies[0].material.brdf
+    wo, off = np.array([0.0, 0.0, 1.0]), np.radians(12.0)
+    along, across = np.array([[np.sin(off), 0, np.cos(off)], [0, np.sin(off), np.cos(off)]])
+    assert changed.evaluate(along, wo)[0] > brdf.evaluate(along, wo)[0]
+    assert changed.evaluate(across, wo)[0] < brdf.evaluate(across, wo)[0]
+    assert changed.evaluate(wo, wo)[0] == pytest.approx(brdf.evaluate(wo, wo)[0], rel=0.02)
+
+
+def test_a_round_lobe_is_known_again_from_its_peak_and_width():
+    """Ward's own lobe at 30 degrees, to the grid of the search (5 %)."""
+    from interchange.effects.shine import _equivalent
+
+    for alpha in (0.03, 0.1, 0.25):
+        found, rho = _equivalent(Ward((0.3,) * 3, (0.2,) * 3, alpha))
+        assert found == pytest.approx(alpha, rel=0.05)
+        assert rho == pytest.approx([0.2] * 3, rel=0.12)
+
+
+def test_materials_without_lobes_have_no_gloss(scene):
+    assert not has_lobes(Lambert())
+    assert not has_lobes(Lafortune())
+    with pytest.raises(BrightfieldError, match="needs a BRDF with lobes"):
+        Gloss(2).on_scene(scene, "paper")
+    assert Gloss(2).on_scene(scene).bodies[0].material.brdf == scene.bodies[0].material.brdf
+
+
+def test_paint_changes_one_material(scene):
+    painted = Albedo(1.1, 1.0, 0.5).on_scene(scene, "paper")
+    assert painted.bodies[0].material.brdf.diffuse == pytest.approx((0.88, 0.7, 0.3))
+    assert painted.bodies[1] is scene.bodies[1]
+    with pytest.raises(BrightfieldError, match=r"\[0, 1\]"):
+        Albedo(2, 2, 2).on_scene(scene, "paper")
+
+
+def test_a_texture_follows_the_objects_box(scene):
+    effect = Texture(c10=0.1, c02=-0.05, c11=0.02)
+    body = effect.on_scene(scene, "paper").bodies[0]
+    rng = np.random.default_rng(1)
+    points = rng.uniform(*body.mesh.bounds, (50, 3))
+    uv = box_uv(body.mesh, points)
+    drawn = evaluate_texture(body.material.maps["diffuse"], uv)
+    expected = effect.factor(uv[:, 0], uv[:, 1])[:, None] * [0.8, 0.7, 0.6]
+    assert drawn == pytest.approx(expected, abs=2e-3)  # a map of 128 px
+    assert body.mesh.uv == pytest.approx(box_uv(body.mesh, body.mesh.vertices))
+
+
+def test_translucency_bleeds_inside_one_body():
+    """A step edge becomes the error function; what lies beyond the body's edge stays."""
+    h, w, sigma = 32, 96, 4.0
+    pixels = np.ones((h, w, 3), np.float32)
+    pixels[:, 48:] = 0
+    ids = np.zeros((h, w), np.int32)
+    ids[:, 80:] = 1
+    camera = Camera(lens=Lens(0.02), sensor=Sensor((w, h), (1e-5, 1e-5)))
+    passes = {"depth": np.full((h, w), 0.5, np.float32), "material_id": 0 * ids, "object_id": ids}
+    image = Image(pixels, camera=camera, passes=passes, material_names=("/M/wax",))
+    mm = 1e3 * sigma * 0.5 * 1e-5 / 0.02
+    out = Translucency(mm).on_radiance(image, "wax").pixels[16, :, 0]
+    from scipy.special import erfc
+
+    x = np.arange(w) - 47.5
+    assert out[20:75] == pytest.approx(0.5 * erfc(x / sigma / np.sqrt(2))[20:75], abs=5e-3)
+    assert (out[80:] == 0).all()
+    with pytest.raises(BrightfieldError, match="passes"):
+        Translucency(1).on_radiance(replace(image, passes={}))
+
+
+def test_interreflection_scales_indirect_light():
+    direct, indirect = np.full((4, 5, 3), 2.0, np.float32), np.full((4, 5, 3), 0.5, np.float32)
+    image = Image(direct + indirect, passes={"indirect": indirect})
+    assert Interreflection(0).on_radiance(image).pixels == pytest.approx(direct)
+    with pytest.raises(BrightfieldError, match="pass indirect"):
+        Interreflection(0).on_radiance(Image(direct))
