@@ -1,0 +1,244 @@
+"""A camera of a scene that is there now, used as ``cv2.VideoCapture`` is: ``read``, ``get``, ``set``, ``release``.
+
+Every frame is drawn, exposed on the simulated sensor with its noise, numbered, stamped, and told the truth about.
+"""
+
+import threading
+import time
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from interchange.exposure import expose
+from interchange.image import check_passes
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+from realtime.virtual_camera import properties
+from realtime.virtual_camera.drawing import Draw, Drawing
+from realtime.virtual_camera.frame import Frame, Truth
+from realtime.virtual_camera.moving_scene import MovingScene
+from realtime.virtual_camera.pace import Pace, Timing
+from realtime.virtual_camera.pixel_format import formats, named
+from realtime.virtual_camera.settings import Settings, settings_of
+
+PER_PIXEL = ("depth", "position", "normal", "object_id", "material_id")  # maps that a frame can have
+
+
+class VirtualCamera:
+    """``scene``: one that stands still, or a ``MovingScene``, which other cameras may look at too. ``camera``: its
+    name; without one the only one.
+
+    A scene that is not ``live`` has a clock of frames: frame n is taken at (n - 1) periods, ``read`` never waits, and
+    the same calls give the same numbers. A live one goes by the clock on the wall: ``read`` waits for the next frame's
+    time, as a camera does. ``samples`` a pixel (realtime.renderers.rasterizer); ``noise`` False gives the mean of many
+    frames; ``seed`` another run of noise. ``maps`` are passes that each frame carries besides (``object_id``,
+    ``depth``, ...). ``draw`` stands for the rasteriser. ``timeout`` s: how long ``read`` waits for a trigger.
+
+    Methods may be called from any thread. BrightfieldError where the scene has no such camera, or it cannot be one.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | MovingScene,
+        camera: str = "",
+        *,
+        live: bool = False,
+        samples: int = 4,
+        noise: bool = True,
+        seed: int = 0,
+        maps: Sequence[str] = (),
+        draw: Draw | None = None,
+        timeout: float = 5.0,
+        **settings: Any,
+    ) -> None:
+        self.scene = scene if isinstance(scene, MovingScene) else MovingScene(scene, live=live)
+        if unknown := set(check_passes(list(maps))) - set(PER_PIXEL):
+            raise BrightfieldError(
+                f"A frame can carry {', '.join(PER_PIXEL)}; got {', '.join(sorted(unknown))}."
+            )
+        record = self.scene.at(0.0).scene.camera(camera)
+        self.name, self.sensor, self.maps = record.name, record.sensor, tuple(maps)
+        self.noise, self.seed, self.timeout = noise, seed, timeout
+        self._settings = settings_of(record)
+        self._own = None if draw else Drawing(samples)
+        self._draw: Draw = draw or self._own  # type: ignore[assignment]
+        self._pace = Pace()
+        self._triggers = threading.Semaphore(0)
+        self._lock, self._changing = threading.RLock(), threading.Lock()
+        self._open = True
+        self._number, self._seconds = 0, 0.0
+        self._taken: tuple[Truth, Settings] | None = None
+        self._frame: Frame | None = None
+        self.configure(**settings)
+
+    # cv2.VideoCapture
+
+    def read(self) -> tuple[bool, np.ndarray | None]:
+        """The next frame as OpenCV has it: (H, W), or (H, W, 3) in B, G, R; uint8 or uint16. (False, None) after
+        ``release``, and where no trigger came in time. BrightfieldError where the scene cannot be drawn."""
+        with self._lock:
+            return self.retrieve() if self.grab() else (False, None)
+
+    def grab(self) -> bool:
+        """Take the next frame: the moment is fixed, the picture is made by ``retrieve``."""
+        with self._lock:
+            settings = self._settings
+            if not self._open:
+                return False
+            if settings.triggered:
+                if not self._triggers.acquire(timeout=self.timeout) or not self._open:
+                    return False
+                self._pace.took(*[time.monotonic()] * 2)
+            elif self.scene.live and not self._pace.wait(settings.period):
+                return False
+            self.expose_now()
+            return True
+
+    def retrieve(self) -> tuple[bool, np.ndarray | None]:
+        """The picture of the frame that ``grab`` took; the same one if asked again."""
+        with self._lock:
+            if not self._open or self._taken is None:
+                return False, None
+            return True, self.develop().bgr
+
+    def get(self, prop: int) -> float:
+        """A property by OpenCV's number (``cv2.CAP_PROP_EXPOSURE`` s, ``CAP_PROP_GAIN`` dB, ...); 0 for one that a
+        live camera does not have. realtime.virtual_camera.properties lists them."""
+        return properties.get(self, prop)
+
+    def set(self, prop: int, value: float) -> bool:
+        """Whether the property could be set so."""
+        return properties.put(self, prop, value)
+
+    def isOpened(self) -> bool:
+        return self._open
+
+    def getBackendName(self) -> str:
+        return "BRIGHTFIELD"
+
+    def release(self) -> None:
+        """Wakes whoever waits for a frame."""
+        self._open = False
+        self._pace.stop()
+        self._triggers.release()
+        if self._own is not None:
+            self._own.release()
+
+    # what cv2.VideoCapture has not
+
+    @property
+    def settings(self) -> Settings:
+        return self._settings
+
+    def configure(self, **changes: Any) -> Settings:
+        """Change settings by name (``t_exp=``, ``gain_dB=``, ``frame_rate=``, ``region=``, ``triggered=``, ``format=``
+        by name too), all or none; they hold from the next exposure on. BrightfieldError where one cannot be."""
+        if isinstance(changes.get("format"), str):
+            changes["format"] = named(changes["format"])
+        if "region" in changes:
+            changes["region"] = tuple(int(x) for x in changes["region"])
+        with self._changing:
+            self._settings = replace(self._settings, **changes).check(self.sensor)
+            return self._settings
+
+    @property
+    def position(self) -> tuple[int, float]:
+        """Number of the frame that was taken last (0: none yet), and the scene's s then."""
+        taken = self._taken
+        return (taken[0].number, taken[0].seconds) if taken else (0, 0.0)
+
+    @property
+    def jpeg_quality(self) -> int:
+        """What the scene file says of the camera's compression; 0: nothing. Transports that compress use it."""
+        return self.sensor.jpeg_quality
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Names of the pixel formats that the sensor can give."""
+        return tuple(f.name for f in formats(self.sensor))
+
+    def trigger(self) -> None:
+        """One frame, where the camera is ``triggered``; each trigger gives one, in turn."""
+        self._triggers.release()
+
+    def expose_now(self) -> Truth:
+        """Take a frame without waiting for its time: for a transport that has its own clock."""
+        with self._lock:
+            settings = self._settings
+            seconds = self.scene.elapsed() if self.scene.live else self._seconds
+            moment = self.scene.at(seconds)
+            self._number += 1
+            self._seconds += settings.period
+            truth = Truth(
+                self._number,
+                time.time_ns(),
+                seconds,
+                moment.scene.time,
+                moment.scene,
+                settings.on(moment.scene.camera(self.name)),
+                settings.region,
+                moment.joints,
+                moment.belts,
+                moment.encoders,
+            )
+            self._taken = truth, settings
+            return truth
+
+    def develop(self) -> Frame:
+        """The frame that was taken last: drawn, exposed, read out."""
+        with self._lock:
+            if self._taken is None:
+                raise BrightfieldError("A frame must be taken before it is developed; none was.")
+            truth, settings = self._taken
+            if self._frame is None or self._frame.truth is not truth:
+                self._frame = self._developed(truth, settings)
+            return self._frame
+
+    def take(self) -> Frame | None:
+        """``read``, with the truth: None where ``read`` says False."""
+        with self._lock:
+            return self.develop() if self.grab() else None
+
+    def prepare(self) -> Frame:
+        """Draw once, so that shaders are compiled before frames have a time to keep; the frame has number 0."""
+        with self._lock:
+            moment = self.scene.at(self._seconds)
+            settings = self._settings
+            camera = settings.on(moment.scene.camera(self.name))
+            truth = Truth(0, time.time_ns(), 0.0, moment.scene.time, moment.scene, camera, settings.region)
+            return self._developed(truth, settings)
+
+    def set_pose(self, world_from_camera: Any) -> None:
+        """Put the camera (4, 4), rigid; None: where the file has it."""
+        self.scene.set_camera_pose(self.name, world_from_camera)
+
+    @property
+    def timing(self) -> Timing:
+        """How well exposures kept to their time so far."""
+        return self._pace.timing
+
+    def _developed(self, truth: Truth, settings: Settings) -> Frame:
+        image = self._draw(truth.scene, truth.camera, self.maps)
+        rng = np.random.default_rng([self.seed, zlib.crc32(self.name.encode()), truth.number])
+        exposed = expose(image, truth.camera, rng=rng if self.noise else None).pixels
+        if settings.format.channels == 3 and exposed.shape[2] == 1:
+            exposed = np.repeat(exposed, 3, axis=2)
+        x, y, w, h = settings.region
+        part = (slice(y, y + h), slice(x, x + w))
+        pixels: np.ndarray = exposed[part].astype(settings.format.dtype).reshape(settings.format.shape(w, h))
+        maps = {name: np.ascontiguousarray(image.passes[name][part]) for name in self.maps}
+        for array in (pixels, *maps.values()):
+            array.setflags(write=False)
+        return Frame(pixels, settings.format, truth, maps)
+
+    def __enter__(self) -> "VirtualCamera":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
