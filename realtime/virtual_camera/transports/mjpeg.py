@@ -18,6 +18,7 @@ import io
 import json
 import socket
 import threading
+from collections import deque
 from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -50,7 +51,7 @@ class Mjpeg(Transport):
             name: Compressor(p.camera.jpeg_quality) if p.camera.jpeg_quality else Compressor()
             for name, p in self.cameras.items()
         }
-        self.readers: list[Subscription] = []
+        self.readers: deque[Subscription] = deque(maxlen=1000)
         self.stopped = threading.Event()
         self._server: _Server | None = None
 

@@ -1,3 +1,4 @@
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,10 @@ from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.mesh import Mesh, from_corners
 from interchange.scene import Body, Scene
+from realtime.virtual_camera.camera import VirtualCamera
+from realtime.virtual_camera.moving_scene import MovingScene
+from realtime.virtual_camera.publisher import Publisher
+from realtime.virtual_camera.transports.mjpeg import Mjpeg
 
 # one DN for each W m⁻² sr⁻¹ at 1 ms: what is drawn is what is read
 UNIT = Sensor(
@@ -35,6 +40,42 @@ class Pattern:
         width, height = camera.sensor.resolution
         values = np.repeat(pattern(self.calls, height, width)[..., None], 3, axis=2).astype(np.float32)
         return Image(values, Quantity.RADIANCE, camera)
+
+
+class Flat:
+    """Frame n is flat, of 50 + 20 (n mod 8) DN, which a JPEG keeps; it has some hundred kB where it is ``rich``."""
+
+    def __init__(self, rich=False):
+        self.calls, self.rich = 0, rich
+        self.texture = np.random.default_rng(0).integers(0, 255, (480, 640, 1)) if rich else None
+
+    def __call__(self, scene, camera, passes):
+        self.calls += 1
+        width, height = camera.sensor.resolution
+        values = np.full((height, width, 3), level(self.calls), np.float32)
+        if self.rich:
+            values[:] = np.roll(self.texture[:height, :width], self.calls, axis=1)
+        return Image(values, Quantity.RADIANCE, camera)
+
+
+def level(call):
+    return 50.0 + 20 * (call % 8)
+
+
+@contextmanager
+def streaming(scene, draw, transport=Mjpeg, name="Top", **settings):
+    camera = VirtualCamera(
+        MovingScene(scene, live=True), name, draw=draw, noise=False, format="Mono8", **settings
+    )
+    with Publisher(camera) as publisher:
+        served = transport([publisher])
+        served.start()
+        try:
+            publisher.start()
+            yield publisher, served
+        finally:
+            publisher.stop()
+            served.stop()
 
 
 def camera_above(name="/World/Top", sensor=UNIT, height=0.5, width=0.2, t_exp=1e-3):
@@ -63,6 +104,7 @@ def live():
 
     for name, thing in {
         "UNIT": UNIT, "pattern": pattern, "Pattern": Pattern, "camera_above": camera_above, "square": square, "at": at,
+        "Flat": Flat, "level": level, "streaming": streaming,
     }.items():  # fmt: skip
         setattr(Live, name, thing if not callable(thing) or isinstance(thing, type) else staticmethod(thing))
     return Live

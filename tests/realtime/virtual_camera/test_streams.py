@@ -10,58 +10,18 @@ import sys
 import threading
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
 from multiprocessing import shared_memory
 
 import cv2
 import numpy as np
 import pytest
 
-from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 from realtime.virtual_camera.camera import VirtualCamera
-from realtime.virtual_camera.moving_scene import MovingScene
-from realtime.virtual_camera.publisher import Publisher
 from realtime.virtual_camera.reader import SharedReader
 from realtime.virtual_camera.ring import Layout
 from realtime.virtual_camera.transports.mjpeg import Mjpeg
 from realtime.virtual_camera.transports.shm import Ring, Shm
-
-
-class Flat:
-    """Frame n is flat, of 50 + 20 (n mod 8) DN, which a JPEG keeps; it has some hundred kB where it is ``rich``."""
-
-    def __init__(self, rich=False):
-        self.calls, self.rich = 0, rich
-        self.texture = np.random.default_rng(0).integers(0, 255, (480, 640, 1)) if rich else None
-
-    def __call__(self, scene, camera, passes):
-        self.calls += 1
-        width, height = camera.sensor.resolution
-        values = np.full((height, width, 3), level(self.calls), np.float32)
-        if self.rich:
-            values[:] = np.roll(self.texture[:height, :width], self.calls, axis=1)
-        return Image(values, Quantity.RADIANCE, camera)
-
-
-def level(call):
-    return 50.0 + 20 * (call % 8)
-
-
-@contextmanager
-def streaming(scene, draw, transport=Mjpeg, name="Top", **settings):
-    camera = VirtualCamera(
-        MovingScene(scene, live=True), name, draw=draw, noise=False, format="Mono8", **settings
-    )
-    with Publisher(camera) as publisher:
-        served = transport([publisher])
-        served.start()
-        try:
-            publisher.start()
-            yield publisher, served
-        finally:
-            publisher.stop()
-            served.stop()
 
 
 def parts(url):
@@ -98,13 +58,13 @@ def refusal(call, *arguments):
 # MJPEG
 
 
-def test_parts_are_whole_numbered_and_hold_the_frame_that_they_say(empty):
-    with streaming(empty, Flat(), frame_rate=200) as (_, served):
+def test_parts_are_whole_numbered_and_hold_the_frame_that_they_say(empty, live):
+    with live.streaming(empty, live.Flat(), frame_rate=200) as (_, served):
         numbers = []
         for headers, jpeg in parts(f"{served.url}/Top.mjpg"):
             picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_UNCHANGED)
             number = int(headers["X-Frame-Number"])
-            assert np.abs(picture - level(number + 1)).max() <= 1  # the first call was to prepare
+            assert np.abs(picture - live.level(number + 1)).max() <= 1  # the first call was to prepare
             numbers.append(number)
             if len(numbers) == 25:
                 break
@@ -112,8 +72,8 @@ def test_parts_are_whole_numbered_and_hold_the_frame_that_they_say(empty):
     assert int(headers["X-Frames-Lost"]) == numbers[-1] - numbers[0] + 1 - 25
 
 
-def test_opencv_opens_the_stream(empty):
-    with streaming(empty, Flat(), frame_rate=100) as (_, served):
+def test_opencv_opens_the_stream(empty, live):
+    with live.streaming(empty, live.Flat(), frame_rate=100) as (_, served):
         capture = cv2.VideoCapture(f"{served.url}/Top.mjpg", cv2.CAP_FFMPEG)
         assert capture.isOpened()
         pictures = [capture.read()[1] for _ in range(8)]
@@ -121,7 +81,7 @@ def test_opencv_opens_the_stream(empty):
     assert {p.shape for p in pictures} == {(48, 64, 3)}
     for p in pictures:
         assert np.ptp(p) <= 2  # flat: of one frame alone
-        assert min(abs(p.mean() - level(k)) for k in range(8)) <= 1.5
+        assert min(abs(p.mean() - live.level(k)) for k in range(8)) <= 1.5
 
 
 def test_a_client_that_hangs_loses_frames_and_slows_nobody(empty, live):
@@ -130,7 +90,7 @@ def test_a_client_that_hangs_loses_frames_and_slows_nobody(empty, live):
         resolution=(640, 480), responsivity=1000.0, full_well=255.0, bit_depth=8
     ))  # fmt: skip
     scene = empty.__class__(empty.bodies, (), (wide,))
-    with streaming(scene, Flat(rich=True), frame_rate=200) as (publisher, served):
+    with live.streaming(scene, live.Flat(rich=True), frame_rate=200) as (publisher, served):
         hung = socket.create_connection(served.url.removeprefix("http://").split(":"))
         hung.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
         hung.sendall(b"GET /Top.mjpg HTTP/1.0\r\n\r\n")
@@ -154,7 +114,7 @@ def test_a_client_that_hangs_loses_frames_and_slows_nobody(empty, live):
 
 
 def test_the_truth_of_every_frame_can_be_asked_for(empty, live):
-    with streaming(empty, Flat(), frame_rate=100) as (publisher, served):
+    with live.streaming(empty, live.Flat(), frame_rate=100) as (publisher, served):
         publisher.after(4, 10.0)
         told = json.loads(get(f"{served.url}/Top/truth.json?number=3"))
         assert told["number"] == 3
@@ -173,8 +133,8 @@ def test_the_truth_of_every_frame_can_be_asked_for(empty, live):
         assert refusal(get, f"{served.url}/Top/truth.json?number=99999999")[0] == 404
 
 
-def test_a_trigger_over_http_gives_one_frame(empty):
-    with streaming(empty, Flat(), triggered=True) as (publisher, served):
+def test_a_trigger_over_http_gives_one_frame(empty, live):
+    with live.streaming(empty, live.Flat(), triggered=True) as (publisher, served):
         assert publisher.latest is None
         for number in (1, 2):
             post(f"{served.url}/Top/trigger", {})
@@ -190,8 +150,8 @@ def test_a_trigger_over_http_gives_one_frame(empty):
         assert frame.truth.camera.t_exp == 0.002
 
 
-def test_a_server_refuses_what_is_not_meant_for_it(empty):
-    with streaming(empty, Flat(), triggered=True) as (publisher, served):
+def test_a_server_refuses_what_is_not_meant_for_it(empty, live):
+    with live.streaming(empty, live.Flat(), triggered=True) as (publisher, served):
         url = served.url
         assert refusal(get, f"{url}/Topp.mjpg")[0] == 404
         assert refusal(get, f"{url}/../etc/passwd")[0] == 404
@@ -208,8 +168,8 @@ def test_a_server_refuses_what_is_not_meant_for_it(empty):
         assert publisher.latest is None
 
 
-def test_an_occupied_port_is_one_clear_error(empty):
-    with streaming(empty, Flat()) as (publisher, served):
+def test_an_occupied_port_is_one_clear_error(empty, live):
+    with live.streaming(empty, live.Flat()) as (publisher, served):
         port = int(served.url.rsplit(":", 1)[1])
         with pytest.raises(BrightfieldError, match=f"Nothing can be served at 127.0.0.1:{port}"):
             Mjpeg([publisher], port=port).start()
@@ -301,8 +261,8 @@ print(json.dumps(seen))
 """
 
 
-def test_another_process_reads_a_camera_and_its_end_takes_nothing_away(empty):
-    with streaming(empty, Flat(), Shm, "Side", frame_rate=100) as (_, served):
+def test_another_process_reads_a_camera_and_its_end_takes_nothing_away(empty, live):
+    with live.streaming(empty, live.Flat(), Shm, "Side", frame_rate=100) as (_, served):
         (name,) = (r.name for r in served.rings.values())
         assert name == "brightfield-Side"
         for _ in range(2):  # the second finds the ring still there
@@ -316,7 +276,7 @@ def test_another_process_reads_a_camera_and_its_end_takes_nothing_away(empty):
             assert len(numbers) == 10
             for number, value, spread in seen:
                 assert spread == 0
-                assert value == level(number + 2)  # two calls were to prepare
+                assert value == live.level(number + 2)  # two calls were to prepare
     with pytest.raises(BrightfieldError, match='No camera streams to the shared memory "brightfield-Side"'):
         SharedReader(name)
 
