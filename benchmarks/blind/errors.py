@@ -1,0 +1,121 @@
+"""Calibration errors that every case has, nulls too, within what captures.json declares."""
+
+from dataclasses import asdict, dataclass, replace
+
+import cv2
+import numpy as np
+
+from benchmarks.blind.bench import Bench, Eye
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """As captures.json says them, one standard deviation each."""
+
+    registration_px: float = 0.05
+    light_intensity: float = 0.005
+    light_position_mm: float = 0.4
+    flat_field: float = 0.003
+    black_level_dn: float = 1.0
+    albedo: float = 0.005
+    gloss: float = 0.02
+    object_pose_mm: float = 0.05
+
+    def as_dict(self) -> dict[str, float]:
+        return asdict(self)
+
+
+SHARE = 0.7  # of a declared deviation that is drawn: the scene's own errors and a case's come together
+
+
+def drawn(rng: np.random.Generator, deviation: float, shape: object = None) -> np.ndarray:
+    """Normal, cut at two deviations."""
+    return deviation * np.clip(rng.standard_normal(shape), -2, 2)  # type: ignore[call-overload]
+
+
+def disturbed(bench: Bench, t: Tolerances, rng: np.random.Generator) -> Bench:
+    """The scene as it really stands: lamps, cameras, parts and gloss a little off their places, rendered so."""
+    lamps = tuple(
+        replace(x, position=tuple(np.array(x.position) + drawn(rng, SHARE * t.light_position_mm, 3)))
+        for x in bench.lamps
+    )
+    parts = []
+    together = drawn(rng, SHARE * t.object_pose_mm, 2)
+    for k, part in enumerate(bench.parts):
+        poses = []
+        for pose in part.poses:
+            moved = pose.copy()
+            if len(part.poses) > 1:  # the parts of one body go together
+                moved[:2, 3] += together
+            elif k:  # the first is the table, which everything is measured from
+                moved[:2, 3] += drawn(rng, SHARE * t.object_pose_mm, 2)
+            poses.append(moved)
+        parts.append(replace(part, poses=tuple(poses)))
+    matters = tuple(
+        replace(
+            m,
+            lobes=tuple((w, C, float(n * np.exp(drawn(rng, SHARE * t.gloss)))) for w, C, n in m.lobes),
+            roughness=float(m.roughness * np.exp(drawn(rng, SHARE * t.gloss / 2))),
+        )
+        for m in bench.matters
+    )
+    eyes = tuple(_disturbed_eye(e, bench.size[0], t, rng) for e in bench.eyes)
+    return replace(bench, lamps=lamps, parts=tuple(parts), matters=matters, eyes=eyes)
+
+
+def _disturbed_eye(eye: Eye, width: int, t: Tolerances, rng: np.random.Generator) -> Eye:
+    one_px = 1 / (eye.focal * width)  # rad
+    turn = drawn(rng, 0.5 * SHARE * t.registration_px * one_px, 3)
+    shift = drawn(rng, 0.02, 3)  # mm: 0.02 px at this distance
+    return turned_eye(eye, turn, shift)
+
+
+def turned_eye(eye: Eye, turn: np.ndarray, shift: np.ndarray) -> Eye:
+    """Turned about its own axes by ``turn`` rad and moved by ``shift`` mm along them."""
+    R = np.array(eye.rotation)  # rows right, up, back
+    rotation = cv2.Rodrigues(np.asarray(turn, float))[0] @ R
+    position = np.array(eye.position) + shift @ R
+    return replace(eye, position=tuple(position), rotation=tuple(tuple(map(float, r)) for r in rotation))
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Of one case. ``registration`` {eye: (2, 3) affine px}, ``flat`` {eye: (h, w)}, ``lamps`` (n,),
+    ``albedo`` {matter: (3,)}, ``black`` DN {eye}, ``pixels`` {eye: (h, w, 3)} gain of each pixel."""
+
+    registration: dict[int, np.ndarray]
+    flat: dict[int, np.ndarray]
+    lamps: np.ndarray
+    albedo: dict[str, np.ndarray]
+    black: dict[int, float]
+    pixels: dict[int, np.ndarray]
+
+
+def draw(bench: Bench, t: Tolerances, rng: np.random.Generator, scale: float = 1.0) -> Errors:
+    """``scale`` above 1: more than is declared."""
+    w, h = bench.size
+    k = SHARE * scale
+    registration, flat, black, pixels = {}, {}, {}, {}
+    for e in range(len(bench.eyes)):
+        affine = np.zeros((2, 3))
+        affine[:, 2] = drawn(rng, 0.8 * k * t.registration_px, 2)
+        affine[:, :2] = drawn(rng, 0.5 * k * t.registration_px / (w / 2), (2, 2))
+        registration[e] = affine
+        flat[e] = 1 + k * t.flat_field * smooth_field(rng, (h, w))
+        black[e] = float(drawn(rng, k * t.black_level_dn))
+        pixels[e] = 1 + bench.sensor.prnu * rng.standard_normal((h, w, 3))
+    lamps = 1 + drawn(rng, k * t.light_intensity, len(bench.lamps))
+    albedo = {
+        m.name: 1 + drawn(rng, 0.8 * k * t.albedo) + drawn(rng, 0.5 * k * t.albedo, 3) for m in bench.matters
+    }
+    return Errors(registration, flat, lamps, albedo, black, pixels)
+
+
+def smooth_field(rng: np.random.Generator, shape: tuple[int, int], order: int = 3) -> np.ndarray:
+    """(h, w) of mean 0 and rms 1: a polynomial of low order."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    out = sum(
+        rng.standard_normal() * x**i * y**j for i in range(order + 1) for j in range(order + 1 - i) if i + j
+    )
+    out = np.asarray(out) - np.mean(out)
+    return out / out.std()

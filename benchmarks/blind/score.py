@@ -1,0 +1,299 @@
+"""Scores diagnoses against labels: tables with exact binomial intervals, and every miss by itself.
+
+    python benchmarks/blind/score.py --labels DIR/labels.json --runs DIR [--out docs/blind.md]
+    python benchmarks/blind/score.py --sealed NAME --vault FILE --runs DIR --out docs/blind.md
+
+An answer is right where the effects said are those that are there, no more and no fewer, and nothing is called
+unknown beside them. Causes outside the catalogue are right where something is called unknown (or by the one name of
+the contract that fits) and no effect of the catalogue is. A case that failed, or was not run, is wrong. Effects that no
+capture tells apart (``TIED``) are counted strictly, and once more as one.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1]))
+
+from benchmarks.blind import sealing  # noqa: E402
+from benchmarks.blind.proposals import ALSO, OUTSIDE, TIED  # noqa: E402
+
+PRESENT, CONFIDENT = 0.5, 0.9
+BINS = 15
+
+
+@dataclass(frozen=True)
+class Answer:
+    """``said`` {name: probability} of named effects; ``unknown`` whether something is called unknown; ``failed``: none
+    was given."""
+
+    said: dict[str, float]
+    unknown: bool = False
+    failed: bool = False
+    explained: float | None = None
+    parameters: dict[str, dict[str, tuple[float, float]]] | None = None
+    chi: tuple[float, float] | None = None
+    seconds: float | None = None
+
+    @property
+    def named(self) -> frozenset[str]:
+        return frozenset(n for n, p in self.said.items() if p > PRESENT)
+
+
+def answer(file: Path) -> Answer:
+    if not file.is_file():
+        return Answer({}, failed=True)
+    d = json.loads(file.read_text())
+    gap = d["gap"]
+    return Answer(
+        {e["name"]: float(e["probability"]) for e in d["effects"]},
+        "unknown" in d["verdict"],
+        False,
+        float(gap["explained"]),
+        {e["name"]: {k: (v["value"], v["sigma"]) for k, v in e["parameters"].items()} for e in d["effects"]},
+        (float(gap["before"]), float(gap["after"])),
+        float(d["seconds"]),
+    )
+
+
+def interval(k: int, n: int, level: float = 0.95) -> tuple[float, float]:
+    """Clopper and Pearson 1934: the exact interval of a share k of n."""
+    if n == 0:
+        return 0.0, 1.0
+    tail = (1 - level) / 2
+    low = float(beta.ppf(tail, k, n - k + 1)) if k > 0 else 0.0
+    high = float(beta.ppf(1 - tail, k + 1, n - k)) if k < n else 1.0
+    return low, high
+
+
+def there(label: dict[str, Any]) -> frozenset[str]:
+    return frozenset(e["name"] for e in label["effects"])
+
+
+def outside(label: dict[str, Any]) -> bool:
+    return any(n in OUTSIDE for n in there(label))
+
+
+def merged(names: frozenset[str]) -> frozenset[str]:
+    """Tied names under the first of theirs."""
+    return frozenset(next((t[0] for t in TIED if n in t), n) for n in names)
+
+
+def right(label: dict[str, Any], a: Answer, tied: bool = False) -> bool:
+    if a.failed:
+        return False
+    truth, said = there(label), a.named
+    if outside(label):
+        also = {x for n in truth for x in ALSO.get(n, ())}
+        known = {n for n in truth if n not in OUTSIDE}
+        return said - also == known and (a.unknown or bool(said & also))
+    if tied:
+        truth, said = merged(truth), merged(said)
+    return truth == said and not a.unknown
+
+
+def alarmed(a: Answer) -> bool:
+    return a.failed or bool(a.named) or a.unknown
+
+
+def confidently_wrong(label: dict[str, Any], a: Answer) -> list[str]:
+    """Effects called with more than ``CONFIDENT`` that are not there, nor tied to one that is."""
+    truth = there(label) | {x for n in there(label) for x in ALSO.get(n, ())}
+    bound = merged(frozenset(truth))
+    return sorted(
+        n for n, p in a.said.items() if p > CONFIDENT and next(iter(merged(frozenset({n})))) not in bound
+    )
+
+
+def calibration(pairs: Sequence[tuple[float, bool]]) -> float:
+    """Expected calibration error with ``BINS`` bins of as many answers each (Naeini et al. 2015, adaptive)."""
+    if not pairs:
+        return float("nan")
+    ordered = sorted(pairs)
+    groups = np.array_split(np.arange(len(ordered)), min(BINS, len(ordered)))
+    error = 0.0
+    for g in groups:
+        p = np.mean([ordered[i][0] for i in g])
+        hit = np.mean([ordered[i][1] for i in g])
+        error += len(g) / len(ordered) * abs(p - hit)
+    return float(error)
+
+
+def covered(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> tuple[int, int, list[float]]:
+    """Of parameters that mean the same on both sides: how many 95 % intervals hold the truth, of how many; errors."""
+    hits, count, errors = 0, 0, []
+    for label in labels:
+        a = answers[label["case"]]
+        for effect in label["effects"]:
+            found = (a.parameters or {}).get(effect["name"], {})
+            for name, value in effect["parameters"].items():
+                if name in found:
+                    estimate, sigma = found[name]
+                    count += 1
+                    hits += abs(estimate - value) <= 1.96 * sigma
+                    size = (
+                        abs(value - 1)
+                        if name.endswith(("scale", "red", "blue", " R", " G", " B"))
+                        else abs(value)
+                    )
+                    errors.append(abs(estimate - value) / max(size, 1e-9))
+    return hits, count, errors
+
+
+def share(k: int, n: int) -> str:
+    low, high = interval(k, n)
+    return f"{k}/{n} | {100 * k / n:.1f} % | {100 * low:.1f}–{100 * high:.1f} %" if n else "0/0 | – | –"
+
+
+def _wanted(label: dict[str, Any]) -> float:
+    return float(max((e["wanted"] for e in label["effects"]), default=0.0))
+
+
+def _truth(label: dict[str, Any]) -> str:
+    words = []
+    for e in label["effects"]:
+        place = f" of {e['place']}" if e["place"] else ""
+        words.append(f"{e['name']}{place} ({e['form']}, {100 * (e['severity'] or 0):.2f} %)")
+    return " + ".join(words) or "none"
+
+
+def _said(a: Answer) -> str:
+    if a.failed:
+        return "no answer"
+    words = [f"{n} ({p:.2f})" for n, p in sorted(a.said.items(), key=lambda x: -x[1])]
+    return " + ".join([*words, *(["unknown"] if a.unknown else [])]) or "none"
+
+
+def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
+    """The whole page, Markdown."""
+    by = {s: [x for x in labels if x["stratum"] == s] for s in dict.fromkeys(x["stratum"] for x in labels)}
+    lines = ["| score | cases | share | 95 % interval |", "|---|---|---|---|"]
+
+    def line(name: str, of: Sequence[dict[str, Any]], hit: Any) -> None:
+        if of:
+            lines.append(f"| {name} | {share(sum(bool(hit(x, answers[x['case']])) for x in of), len(of))} |")
+
+    nulls = by.get("null", [])
+    line("nulls: false alarm, any effect or unknown", nulls, lambda x, a: alarmed(a))
+    line("nulls: false alarm, an effect with p > 0.5", nulls, lambda x, a: a.failed or bool(a.named))
+    for stratum, word in (
+        ("single", "one effect, exact"),
+        ("pair", "pair, exact"),
+        ("triple", "triple, exact"),
+    ):
+        of = by.get(stratum, [])
+        for s in sorted({_wanted(x) for x in of}):
+            some = [x for x in of if _wanted(x) == s]
+            line(f"{word}, {100 * s:g} %", some, lambda x, a: right(x, a))
+            line(f"{word}, {100 * s:g} %, tied as one", some, lambda x, a: right(x, a, True))
+    found = by.get("single", [])
+    line("one effect: named, whatever else is", found, lambda x, a: there(x) <= a.named)
+    line("one effect: called unknown", found, lambda x, a: a.unknown)
+    beyond = by.get("outside", [])
+    for s in sorted({_wanted(x) for x in beyond}):
+        some = [x for x in beyond if _wanted(x) == s]
+        line(f"outside the catalogue, {100 * s:g} %: flagged unknown", some, lambda x, a: a.unknown)
+        line(f"outside the catalogue, {100 * s:g} %: and no effect called", some, lambda x, a: right(x, a))
+    stress = by.get("stress", [])
+    line("undeclared errors: false alarm", [x for x in stress if not x["effects"]], lambda x, a: alarmed(a))
+    line("undeclared errors: exact", [x for x in stress if x["effects"]], lambda x, a: right(x, a))
+    line("noise alone, exact", by.get("noise", []), lambda x, a: right(x, a, True))
+    line("confident (p > 0.9) and wrong, all cases", labels, lambda x, a: bool(confidently_wrong(x, a)))
+    line("no answer", labels, lambda x, a: a.failed)
+
+    said = [
+        (p, merged(frozenset({n})) <= merged(there(x)))
+        for x in labels
+        for n, p in answers[x["case"]].said.items()
+    ]
+    closed = [
+        a.explained
+        for x in labels
+        if (a := answers[x["case"]]).explained is not None
+        and x["stratum"] in ("single", "pair", "triple")
+        and x["severity"] >= 0.009
+    ]
+    hits, count, errors = covered(labels, answers)
+    lines += ["", "| figure | value |", "|---|---|"]
+    lines.append(
+        f"| calibration error of probabilities, {min(BINS, len(said))} bins | {calibration(said):.3f} |"
+    )
+    if closed:
+        median, tenth = np.percentile(closed, [50, 10])
+        lines.append(
+            f"| share of the removable gap closed, from 1 % | median {median:.3f}, p10 {tenth:.3f} |"
+        )
+    if count:
+        lines.append(f"| parameters inside their 95 % interval | {share(hits, count).replace(' | ', ', ')} |")
+        lines.append(f"| error of those parameters, median | {100 * float(np.median(errors)):.1f} % |")
+    if chis := [a.chi[1] for x in nulls if (a := answers[x["case"]]).chi]:
+        lines.append(f"| χ of nulls | median {np.median(chis):.3f}, highest {max(chis):.3f} |")
+    if seconds := [a.seconds for a in answers.values() if a.seconds is not None]:
+        lines.append(f"| time of a case | median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s |")
+
+    lines += ["", "| effect | exact | named | called where it is not |", "|---|---|---|---|"]
+    for name in sorted(
+        {n for x in labels for n in there(x)} | {n for a in answers.values() for n in a.named}
+    ):
+        alone = [x for x in labels if there(x) == {name} and x["stratum"] != "stress"]
+        named = sum(name in answers[x["case"]].named for x in alone)
+        false = sum(name in answers[x["case"]].named and name not in there(x) for x in labels)
+        exact = sum(right(x, answers[x["case"]], True) for x in alone)
+        lines.append(f"| {name} | {exact}/{len(alone)} | {named}/{len(alone)} | {false} |")
+
+    lines += ["", "Every case that was not answered exactly:", ""]
+    lines += ["| case | stratum | scene | truth | said | χ |", "|---|---|---|---|---|---|"]
+    for x in sorted(labels, key=lambda x: (x["stratum"], x["scene"], x["case"])):
+        a = answers[x["case"]]
+        if not right(x, a):
+            chi = f"{a.chi[0]:.2f} → {a.chi[1]:.2f}" if a.chi else "–"
+            lines.append(
+                f"| {x['case']} | {x['stratum']} | {x['scene']} | {_truth(x)} | {_said(a)} | {chi} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    p.add_argument("--labels", type=Path, help="of a rehearsal set")
+    p.add_argument("--sealed", default="", metavar="NAME", help="of a sealed set, as in seals.json")
+    p.add_argument("--vault", type=Path, help="the sealed set's labels")
+    p.add_argument("--again", action="store_true", help="score a sealed set once more; the page says so")
+    p.add_argument("--runs", type=Path, required=True, help="what run.py wrote")
+    p.add_argument("--out", type=Path, help="Markdown (default: printed)")
+    p.add_argument("--run-only", action="store_true", help="of a rehearsal: leave out what was not run yet")
+    args = p.parse_args()
+    if bool(args.labels) == bool(args.sealed) or (args.sealed and (args.vault is None or args.run_only)):
+        p.error("give --labels, or --sealed with --vault and every case")
+    if args.sealed:
+        data, before = sealing.opened(args.vault, HERE / "seals.json", args.sealed, args.again)
+        sha = json.loads((HERE / "seals.json").read_text())[args.sealed]["sha256"]
+        head = f"Sealed set {args.sealed}, labels SHA-256 `{sha}`, opened once."
+        if before:
+            head = head.replace("opened once", f"opened {before + 1} times: no longer blind")
+    else:
+        data, head = json.loads(args.labels.read_text()), "Rehearsal set: its labels were open."
+    out = [x for x in data["cases"] if "left out" in x]
+    labels = [x for x in data["cases"] if "left out" not in x]
+    if args.run_only:
+        labels = [x for x in labels if (args.runs / x["case"]).is_dir()]
+    answers = {x["case"]: answer(args.runs / x["case"] / "diagnosis.json") for x in labels}
+    head += f" {len(labels)} cases"
+    head += f"; {len(out)} that were planned have no amplitude of the severity wanted." if out else "."
+    page = f"{head}\n\n{table(labels, answers)}"
+    if args.out:
+        sealing.write_atomic(args.out, page.encode())
+    else:
+        print(page)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Which cases a set has: nulls, singles by severity, pairs, triples, causes outside the catalogue, stress, noise."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from benchmarks.blind.errors import SHARE
+from benchmarks.blind.proposals import NOISE, OUTSIDE, PAIRS, SEEN, TRIPLES
+
+SHARES = {"null": 120, "single": 240, "pair": 90, "triple": 20, "outside": 90, "stress": 60, "noise": 20}
+SEVERITIES = (0.005, 0.01, 0.02, 0.04)
+BALANCES = ((0.01, 0.01), (0.02, 0.02), (0.02, 0.01), (0.02, 0.005))
+SCENES = ("rich", "metal", "plate", "board")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A case before it is made. ``scale``: calibration errors over what is declared; ``filter`` of a pixel."""
+
+    case: str
+    stratum: str
+    scene: str
+    world: int
+    effects: tuple[tuple[str, float], ...]  # name, severity
+    seed: int
+    scale: float = 1.0
+    filter: str = "box"
+    repeats: int = 4
+
+
+def counts(cases: int) -> dict[str, int]:
+    """Cases by stratum in the proportions of ``SHARES``; they add up to ``cases``."""
+    total = sum(SHARES.values())
+    exact = {k: cases * v / total for k, v in SHARES.items()}
+    out = {k: int(v) for k, v in exact.items()}
+    for k in sorted(exact, key=lambda k: out[k] - exact[k])[: cases - sum(out.values())]:
+        out[k] += 1
+    return out
+
+
+def plans(
+    cases: int, seed: int, worlds: int, severities: tuple[float, ...] = SEVERITIES,
+    shares: dict[str, int] | None = None,
+) -> list[Plan]:  # fmt: skip
+    """In an order, and under names, that say nothing."""
+    rng = np.random.default_rng(seed)
+    found: list[tuple[str, tuple[tuple[str, float], ...], str]] = []
+    for stratum, n in (shares or counts(cases)).items():
+        found += [(stratum, *x) for x in _stratum(stratum, n, severities, rng)]
+    ids: list[str] = []
+    while len(ids) < len(found):
+        name = f"{int(rng.integers(1 << 32)):08x}"
+        if name not in ids:
+            ids.append(name)
+    out = []
+    for name, (stratum, effects, scene) in zip(ids, found, strict=True):
+        stress = stratum == "stress"
+        gaussian = stress and rng.random() < 0.25
+        out.append(
+            Plan(
+                name, stratum, scene, int(rng.integers(worlds)), effects, int(rng.integers(1 << 62)),
+                scale=2 / SHARE if stress and not gaussian else 1.0,
+                filter="Gaussian" if gaussian else "box", repeats=int(rng.choice([2, 4, 8], p=[0.25, 0.5, 0.25])),
+            )
+        )  # fmt: skip
+    return sorted(out, key=lambda p: p.case)
+
+
+def _where(rng: np.random.Generator, names: tuple[str, ...]) -> str:
+    """A scene in which all of them can be seen."""
+    fit = [s for s in SCENES if all(s in (SEEN.get(n) or OUTSIDE.get(n) or SCENES) for n in names)]
+    return str(rng.choice(fit))
+
+
+def _turns(rng: np.random.Generator, options: list[tuple[tuple[str, float], ...]], n: int) -> list[tuple]:
+    """All options in turn, shuffled each time round."""
+    out: list[tuple] = []
+    while len(out) < n:
+        out += [options[k] for k in rng.permutation(len(options))]
+    return out[:n]
+
+
+def _stratum(
+    stratum: str, n: int, severities: tuple[float, ...], rng: np.random.Generator
+) -> list[tuple[tuple[tuple[str, float], ...], str]]:
+    if stratum == "null":
+        return [((), SCENES[k % len(SCENES)]) for k in range(n)]
+    if stratum == "single":
+        options = [((name, s),) for name, s in product(SEEN, severities)]
+    elif stratum == "pair":
+        balances = BALANCES if len(severities) > 2 else tuple((s, s) for s in severities)
+        options = [((a, s), (b, t)) for (a, b), (s, t) in product(PAIRS, balances)]
+    elif stratum == "triple":
+        options = [tuple((name, 0.015) for name in names) for names in TRIPLES]
+    elif stratum == "outside":
+        options = [((name, s),) for name, s in product(OUTSIDE, [s for s in severities if s < 0.04])]
+    elif stratum == "stress":
+        options = [*(((name, 0.01),) for name in SEEN), *[()] * len(SEEN)]
+    else:
+        options = [((name, 0.0),) for name in NOISE]
+    chosen = _turns(rng, options, n)
+    return [(tuple(c), _where(rng, tuple(name for name, _ in c))) for c in chosen]

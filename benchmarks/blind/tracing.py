@@ -1,0 +1,291 @@
+"""Linear radiance by Mitsuba 3, one lamp at a time, on a grid ``FINE`` times finer than the sensor's.
+
+Kept on disk under a hash of all that decides it. Light that met one surface and light that met more are two images;
+the second is smoothed within surfaces, which takes out the path tracer's noise and leaves edges.
+"""
+
+import glob
+import hashlib
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.blind.bench import Bench, Eye, Lamp, Matter, Part
+
+FINE = 3
+MARGIN = 4  # px around the sensor
+DEPTH = 12
+
+_ready = False
+
+
+@dataclass(frozen=True)
+class Quality:
+    samples: int = 36  # a fine pixel; a square number
+    fine: int = FINE
+    margin: int = MARGIN
+
+
+def start() -> Any:
+    """Mitsuba in its fast variant where an LLVM of version 16 or later is there, else the slow one."""
+    global _ready
+    import mitsuba as mi
+
+    if not _ready:
+        found = sorted(glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*"))
+        new = [f for f in found if any(f"{v}" in os.path.basename(f) for v in range(16, 22))]
+        if new:
+            os.environ.setdefault("DRJIT_LIBLLVM_PATH", new[-1])
+        mi.set_variant("llvm_ad_rgb" if new or "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+        mi.set_log_level(mi.LogLevel.Error)
+        from benchmarks.blind.reflection import register
+
+        register()
+        _ready = True
+    return mi
+
+
+def _rgb(v: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(x) for x in v]}
+
+
+def _bsdf(mi: Any, m: Matter) -> Any:
+    from benchmarks.blind.reflection import rgb
+
+    if m.model == "Lafortune":
+        ((weight, C, n),) = m.lobes
+        given = {**rgb("rho", m.diffuse), **rgb("w", weight), **rgb("C", C), "n": float(n)}
+        return {"type": "blind_lafortune", **given}
+    if m.model == "UsdPreviewSurface":
+        return {"type": "blind_preview", **rgb("rho", m.diffuse), "roughness": float(m.roughness)}
+    if m.texture is not None:
+        picture = mi.Bitmap(np.ascontiguousarray(m.texture[::-1], np.float32))  # row 0 at v = 0
+        return {
+            "type": "diffuse",
+            "reflectance": {
+                "type": "bitmap", "bitmap": picture, "raw": True, "filter_type": "bilinear", "wrap_mode": "clamp"
+            },
+        }  # fmt: skip
+    return {"type": "diffuse", "reflectance": _rgb(m.diffuse)}
+
+
+def _mesh(mi: Any, bsdf: Any, part: Part, pose: int) -> Any:
+    s, M = part.solid, part.pose(pose)
+    props = mi.Properties()
+    props["bsdf"] = bsdf
+    props["face_normals"] = s.normals is None
+    mesh = mi.Mesh(part.name, len(s.vertices), len(s.faces), props, s.normals is not None, s.uv is not None)
+    p = mi.traverse(mesh)
+    p["vertex_positions"] = ((s.vertices @ M[:3, :3].T + M[:3, 3]) / 1e3).astype(np.float32).ravel()
+    p["faces"] = s.faces.astype(np.uint32).ravel()
+    if s.normals is not None:
+        n = s.normals @ np.linalg.inv(M[:3, :3])
+        p["vertex_normals"] = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32).ravel()
+    if s.uv is not None:
+        p["vertex_texcoords"] = s.uv.astype(np.float32).ravel()
+    p.update()
+    return mesh
+
+
+def _sensor(mi: Any, eye: Eye, size: tuple[int, int], q: Quality) -> dict[str, Any]:
+    w, h = size[0] + 2 * q.margin, size[1] + 2 * q.margin
+    origin = np.array(eye.position) / 1e3
+    up, back = np.array(eye.rotation[1]), np.array(eye.rotation[2])
+    fov = 2 * np.degrees(np.arctan(w / size[0] / 2 / eye.focal))
+    look = mi.ScalarTransform4f().look_at(origin.tolist(), (origin - back).tolist(), up.tolist())
+    film = {
+        "type": "hdrfilm", "width": w * q.fine, "height": h * q.fine, "rfilter": {"type": "box"},
+        "component_format": "float32", "pixel_format": "rgb",
+    }  # fmt: skip
+    return {"type": "perspective", "fov": fov, "fov_axis": "x", "to_world": look, "film": film, "near_clip": 0.01,
+            "sampler": {"type": "multijitter", "sample_count": q.samples}}  # fmt: skip
+
+
+def beam(lamp: Lamp, cos: np.ndarray) -> np.ndarray:
+    """Emission over that along the axis."""
+    b1, b2 = lamp.beam
+    return 1 + b1 * (cos - 1) + b2 * (1.5 * cos**2 - 1.5)
+
+
+def _lamp(mi: Any, lamp: Lamp) -> dict[str, Any]:
+    r = lamp.radius / 1e3
+    L = lamp.intensity / 4 / (np.pi * r**2)
+    p = (np.array(lamp.position) / 1e3).tolist()
+    if lamp.beam == (0.0, 0.0):
+        return {"type": "sphere", "center": p, "radius": r,
+                "emitter": {"type": "area", "radiance": _rgb([L] * 3)}}  # fmt: skip
+    # a matte sphere whose radiance goes with its normal emits the same Legendre terms, times 2/3 and 1/4
+    b1, b2 = lamp.beam
+    from benchmarks.blind.solids import ball
+
+    s = ball(1.0, 64, 64)
+    axis = np.array(lamp.axis) / np.linalg.norm(lamp.axis)
+    x = np.cross(axis, [0.3, 0.9, 0.2])
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(axis, x), axis], axis=1)
+    cos = np.linspace(1, -1, 256)
+    radiance = L * (1 - b1 - b2 + 1.5 * b1 * cos + 4 * b2 * (1.5 * cos**2 - 0.5))
+    if radiance.min() < 0:
+        raise ValueError(f"A lamp's surface must not emit less than nothing; beam {lamp.beam} would.")
+    uv = np.stack([0.5 + 0 * s.vertices[:, 2], (1 - s.vertices[:, 2]) / 2], axis=1)
+    props = mi.Properties()
+    strip = np.repeat(radiance.astype(np.float32)[:, None, None], 3, axis=2)
+    strip = np.repeat(strip, 4, axis=1)
+    props["emitter"] = mi.load_dict(
+        {
+            "type": "area",
+            "radiance": {
+                "type": "bitmap",
+                "bitmap": mi.Bitmap(np.ascontiguousarray(strip)),
+                "raw": True,
+                "wrap_mode": "clamp",
+            },
+        }
+    )
+    mesh = mi.Mesh("lamp", len(s.vertices), len(s.faces), props, False, True)
+    q = mi.traverse(mesh)
+    at = r * s.vertices @ R.T + np.array(p)
+    q["vertex_positions"] = at.astype(np.float32).ravel()
+    q["faces"] = s.faces.astype(np.uint32).ravel()
+    q["vertex_texcoords"] = uv.astype(np.float32).ravel()
+    q.update()
+    return mesh
+
+
+def _sky(mi: Any) -> dict[str, Any]:
+    """Mean 1 over the upper half, brighter to one side and above: a room, not a uniform dome."""
+    v = (np.arange(64) + 0.5) / 64
+    u = (np.arange(128) + 0.5) / 128
+    theta, phi = np.meshgrid(np.pi * v, 2 * np.pi * u, indexing="ij")
+    value = 0.8 + 0.3 * np.cos(theta) + 0.25 * np.sin(theta) * np.cos(phi - 0.9)
+    picture = np.repeat(np.maximum(value, 0)[..., None], 3, axis=2).astype(np.float32)
+    return {"type": "envmap", "bitmap": mi.Bitmap(picture),
+            "to_world": mi.ScalarTransform4f().rotate([1, 0, 0], 90)}  # fmt: skip
+
+
+def world(mi: Any, bench: Bench, eye: Eye, pose: int, lamp: Lamp | None, q: Quality, depth: int) -> Any:
+    matters = {m.name: mi.load_dict(_bsdf(mi, m)) for m in bench.matters}
+    out: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 99, "hide_emitters": True},
+        "sensor": _sensor(mi, eye, bench.size, q),
+    }
+    for part in bench.parts:
+        out[part.name] = _mesh(mi, matters[part.matter], part, pose)
+    out["emission"] = _sky(mi) if lamp is None else _lamp(mi, lamp)
+    return mi.load_dict(out)
+
+
+def _told(thing: Any) -> Any:
+    if isinstance(thing, np.ndarray):
+        return hashlib.sha256(np.ascontiguousarray(thing, np.float64).tobytes()).hexdigest()
+    if isinstance(thing, dict):
+        return {k: _told(v) for k, v in thing.items()}
+    if isinstance(thing, list | tuple):
+        return [_told(v) for v in thing]
+    return thing
+
+
+def content(*things: Any) -> str:
+    return hashlib.sha256(json.dumps(_told(list(things)), sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _bodies(bench: Bench, pose: int) -> list[Any]:
+    return [
+        [asdict(m) for m in bench.matters],
+        [[p.name, p.solid.vertices, p.solid.faces, p.matter, p.pose(pose)] for p in bench.parts],
+    ]
+
+
+def _kept(file: Path, make: Any) -> dict[str, np.ndarray]:
+    if not file.is_file():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        beside = file.with_name(f".{file.stem}.{os.getpid()}.npz")
+        np.savez(beside, **make())
+        os.replace(beside, file)
+    with np.load(file) as stored:
+        return {k: stored[k] for k in stored.files}
+
+
+def layer(
+    bench: Bench, eye: Eye, pose: int, lamp: Lamp | None, q: Quality, seed: int, cache: Path
+) -> dict[str, np.ndarray]:
+    """``direct``, ``indirect`` (h, w, 3): radiance of one lamp, or of the surroundings where ``lamp`` is None."""
+    key = content(
+        _bodies(bench, pose), asdict(eye), asdict(lamp) if lamp else "sky", asdict(q), bench.size, seed, 3
+    )
+
+    def make() -> dict[str, np.ndarray]:
+        mi = start()
+        once, more = (world(mi, bench, eye, pose, lamp, q, d) for d in (2, DEPTH))
+        # alike for a scene and its variants, so that their difference is free of the paths' noise
+        seed_ = int(content(eye.name, pose, lamp.name if lamp else "sky", seed)[:7], 16)
+        direct = np.array(mi.render(once, spp=q.samples, seed=seed_), np.float32)
+        full = np.array(mi.render(more, spp=q.samples, seed=seed_), np.float32)
+        bounced = smooth(full - direct, guide(bench, eye, pose, q, cache))
+        if lamp is None:
+            direct = smooth(direct, guide(bench, eye, pose, q, cache))
+        return {"direct": direct, "indirect": bounced}
+
+    return _kept(cache / f"{key}.npz", make)
+
+
+def guide(bench: Bench, eye: Eye, pose: int, q: Quality, cache: Path) -> dict[str, np.ndarray]:
+    """At fine pixels' centres: ``part`` (h, w) index or -1, ``normal`` and ``position`` m (h, w, 3)."""
+    key = content("guide", _bodies(bench, pose), asdict(eye), asdict(q), bench.size)
+
+    def make() -> dict[str, np.ndarray]:
+        mi = start()
+        import drjit as dr
+
+        scene = world(mi, bench, eye, pose, None, q, 2)
+        w, h = ((n + 2 * q.margin) * q.fine for n in bench.size)
+        i = dr.arange(mi.UInt32, w * h)
+        at = mi.Point2f((mi.Float(i % w) + 0.5) / w, (mi.Float(i // w) + 0.5) / h)
+        ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, at, mi.Point2f(0.5), True)
+        hit = scene.ray_intersect(ray)
+        part = np.full(w * h, -1, np.int16)
+        names = [p.name for p in bench.parts]
+        for shape in scene.shapes():
+            if shape.id() in names:
+                part[np.array(hit.shape == mi.ShapePtr(shape))] = names.index(shape.id())
+        return {
+            "part": part.reshape(h, w),
+            "normal": np.array(hit.sh_frame.n).T.reshape(h, w, 3).astype(np.float32),
+            "position": np.array(hit.p).T.reshape(h, w, 3).astype(np.float32),
+        }
+
+    return _kept(cache / f"{key}.npz", make)
+
+
+def smooth(image: np.ndarray, where: dict[str, np.ndarray], rounds: int = 2) -> np.ndarray:
+    """Means over neighbours on the same part with like normals, 1 then 2 fine pixels apart (à trous, 5 x 5)."""
+    part, normal = where["part"], where["normal"]
+    out = image
+    for step in (1, 2)[:rounds]:
+        total, weight = np.zeros_like(image), np.zeros((*part.shape, 1), np.float32)
+        for dy in range(-2, 3):
+            for dx in range(-2, 3):
+                a = (6, 4, 1)[abs(dy)] * (6, 4, 1)[abs(dx)]
+                y, x = step * dy, step * dx
+                here = (
+                    slice(max(-y, 0), part.shape[0] - max(y, 0)),
+                    slice(max(-x, 0), part.shape[1] - max(x, 0)),
+                )
+                there = (
+                    slice(max(y, 0), part.shape[0] - max(-y, 0)),
+                    slice(max(x, 0), part.shape[1] - max(-x, 0)),
+                )
+                like = (part[here] == part[there])[..., None]
+                like = (
+                    like
+                    * np.maximum(np.einsum("ijk,ijk->ij", normal[here], normal[there]), 0)[..., None] ** 64
+                )
+                total[here] += a * like * out[there]
+                weight[here] += a * like
+        out = total / np.maximum(weight, 1e-6)
+    return out.astype(np.float32)
