@@ -1,66 +1,116 @@
-"""The scene with the effects written in, in the terms of the file contract, ready to render."""
+"""The scene with the effects written in, in the terms of the file contract, ready to render.
+
+What an effect does to a scene or to a camera its own file says (``interchange.effects``); what that changed is written
+into a copy of the scene file, and all else stays as it was: calibration's errors within the tolerances are not
+written, since they are no findings.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from analysis.gap.diagnosis import Finding
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
-from interchange.formats import usd_sensor
 from interchange.formats.document import Document
+from interchange.formats.usd_changes import Frame, author_changes
+from interchange.parameter import parameters
+from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
-LIGHT = "inputs:intensity"
+STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z) mm"
+
+
+@dataclass(frozen=True)
+class Change:
+    """An effect on ``target`` (a prim path, or "" for all): its parameters, and what they are without it."""
+
+    effect: str
+    target: str
+    values: dict[str, float]
+    without: dict[str, float]
 
 
 def write_corrected(
-    document: Document, scene: Scene, effects: Sequence[Effect], findings: Sequence[Finding], path: Path
-) -> list[str]:
-    """Write to ``path``; returns the names of the effects that a scene file cannot carry yet."""
+    document: Document, captures: Captures, changes: Sequence[Change], path: Path
+) -> dict[str, str]:
+    """Write the scene to ``path``; returns the effects that it cannot carry, each with the reason."""
+    times = sorted({*document.times, *(c.time for c in captures.captures)})
+    left: dict[str, str] = {}
+    frames = []
+    for time in times:
+        old = new = document.scene(time)
+        for change in changes:
+            try:
+                new, same = changed(new, old, change), new
+            except BrightfieldError as error:
+                left[change.effect] = str(error)
+                continue
+            if new is same and not _stands_elsewhere(change, old):
+                left.setdefault(change.effect, "No number of a scene file says it.")
+        frames.append(Frame(time, old, new))
     stage = document.stage
-    written = set()
-    carried = [e for e in effects if e.carried_by or type(e).on is not Effect.on]
-    for camera in scene.cameras:
-        new = camera
-        for effect in carried:
-            new = effect.on(new)
-        usd_sensor.author(stage.GetPrimAtPath(camera.name), new)
-    written |= {e.name() for e in carried if e.name() in MODELS}
-    for finding in findings:
-        values = {name: p.value for name, p in finding.parameters.items()}
-        if finding.name == "exposure":
-            for camera in scene.cameras:
-                _scale(stage.GetPrimAtPath(camera.name).GetAttribute("sensor:responsivity"), values["scale"])
-        elif finding.name == "light_intensity":
-            for name, value in values.items():
-                lamp = name.removesuffix(" scale")
-                light = next(x for x in scene.lights if x.name.rsplit("/", 1)[-1] == lamp)
-                _scale(stage.GetPrimAtPath(light.name).GetAttribute(LIGHT), value)
-        elif finding.name == "ambient_light":
-            _add_dome(stage, [values.get(k, values.get("Y", 0.0)) for k in "RGB"])
-        else:
-            continue
-        written.add(finding.name)
+    for problem in author_changes(stage, frames):
+        for change in changes:
+            if change.target in problem.where.prim:
+                left.setdefault(change.effect, problem.message)
     document.save(path)
     if not stage.GetRootLayer().anonymous:
         stage.Reload()  # the file that was read stays what it is, in memory too
-    return [f.name for f in findings if f.name not in written]
+    return left
 
 
-def _scale(attribute: Any, factor: float) -> None:
-    times = attribute.GetTimeSamples()
-    for time in times:
-        attribute.Set(attribute.Get(time) * factor, time)
-    if not times:
-        attribute.Set(attribute.Get() * factor)
+def changed(scene: Scene, own: Scene, change: Change) -> Scene:
+    """``scene`` with one more effect; the same object where a scene cannot say it. ``own``: what the file gives.
+
+    Raises BrightfieldError where the scene cannot have the effect.
+    """
+    model = MODELS.get(change.effect)
+    if model is None:
+        return scene
+    if not model.is_of_the_chain():
+        target, _, _ = change.target.partition(STAND)
+        if _stands_elsewhere(change, own):
+            return scene
+        channels = {"R": change.values["Y"], "G": change.values["Y"], "B": change.values["Y"]} if (
+            "Y" in change.values
+        ) else change.values  # fmt: skip
+        return model(**_within(model, channels)).on_scene(scene, target)
+    cameras = tuple(_with_effect(camera, model, change) for camera in scene.cameras)
+    if all(a is b for a, b in zip(cameras, scene.cameras, strict=True)):
+        return scene
+    return replace(scene, cameras=cameras)
 
 
-def _add_dome(stage: Any, radiance: Sequence[float]) -> None:
-    root = stage.GetDefaultPrim()
-    path = f"{root.GetPath() if root else ''}/AmbientLight"
-    prim = stage.DefinePrim(path, "DomeLight")
-    most = max(*radiance, 1e-12)
-    prim.CreateAttribute(LIGHT, usd_sensor.NAMES.Float).Set(most)
-    prim.CreateAttribute("inputs:color", usd_sensor.NAMES.Color3f).Set(
-        tuple(max(x, 0.0) / most for x in radiance)
-    )
+def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
+    own = model.of(camera)
+    given = {n: getattr(own, n) + x - change.without[n] for n, x in change.values.items()}
+    effect = replace(own, **_within(model, given))  # type: ignore[type-var]
+    if change.effect == "exposure":
+        factor = float(getattr(effect, "scale"))  # noqa: B009
+        s = camera.sensor
+        if s.responsivity > 0:
+            return replace(camera, sensor=replace(s, responsivity=factor * s.responsivity))
+        r, g, b = (factor * x for x in s.spectral_response)
+        return replace(camera, sensor=replace(s, spectral_response=(r, g, b)))
+    return effect.on(camera) if effect.carried_by or type(effect).on is not Effect.on else camera
+
+
+def _within(model: type[Effect], values: dict[str, float]) -> dict[str, float]:
+    """Those of ``values`` that the effect has, within their bounds."""
+    about = parameters(model)
+    return {n: float(np.clip(x, about[n].low, about[n].high)) for n, x in values.items() if n in about}
+
+
+def _stands_elsewhere(change: Change, scene: Scene) -> bool:
+    """Whether the change is about another place of its camera than the one it has in ``scene``."""
+    name, _, place = change.target.partition(STAND)
+    if not place:
+        return False
+    camera = next((c for c in scene.cameras if c.name == name), None)
+    if camera is None:
+        return True
+    there = np.array([float(x) for x in place.removesuffix(") mm").split(",")])
+    return bool(np.abs(1e3 * camera.world_from_camera[:3, 3] - there).max() > 0.1)

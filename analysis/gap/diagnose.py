@@ -11,24 +11,38 @@ from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
 from analysis.gap.conditions import Condition, conditions
-from analysis.gap.corrected import write_corrected
-from analysis.gap.diagnosis import STAGES, Diagnosis, Estimate, Finding
+from analysis.gap.corrected import Change, write_corrected
+from analysis.gap.diagnosis import STAGES, Diagnosis, Edges, Estimate, Finding
+from analysis.gap.edges import offsets
 from analysis.gap.fit import Fit, Model, fit, uncertainty
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
+from analysis.gap.metric import Measure, measured
 from analysis.gap.noise import NoiseFit, noise_fit
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.radiance import Render, render_all
-from analysis.gap.shrinkage import gap
+from analysis.gap.shapley import Step, shares
+from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
+from analysis.gap.verify import verified
 from interchange.captures import Captures
-from interchange.effects import Effect
 from interchange.formats.document import Document
 from interchange.problems import BrightfieldError
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
 PRESENT = 0.5
 OVERLAP = 0.2  # least correlation of captures and simulation that a diagnosis can start from
+UNKNOWN, UNCERTAIN = "outside the catalogue", "less certain causes"
 
 Told = Callable[[str, float], None]
+Cause = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulations:
+    """What is expected of each held-out condition, (H, W, C) DN each: see analysis.gap.shrinkage."""
+
+    as_written: tuple[np.ndarray, ...]
+    before: tuple[np.ndarray, ...]
+    after: tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +52,11 @@ class Diagnosed:
     diagnosis: Diagnosis
     conditions: tuple[Condition, ...]
     fit: Fit
+    simulations: Simulations  # of the held-out conditions, in their order
+
+    @property
+    def held_out(self) -> tuple[Condition, ...]:
+        return tuple(c for c in self.conditions if c.held_out)
 
 
 def diagnose(
@@ -48,11 +67,15 @@ def diagnose(
     cache: Path,
     out: Path,
     told: Told = lambda what, share: None,
+    verify: bool = False,
+    metric: tuple[str, Measure] | None = None,
 ) -> Diagnosed:
     """The diagnosis of ``captures``; the corrected scene is written to ``out``.
 
-    ``render`` draws a scene as ``settings`` say (analysis.gap.radiance); ``cache``: where renderings are kept. Raises
-    BrightfieldError where captures and scene do not belong together.
+    ``render`` draws a scene as ``settings`` say (analysis.gap.radiance); ``cache``: where renderings are kept.
+    ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
+    corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
+    Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
     found = conditions(captures, document)
@@ -66,9 +89,20 @@ def diagnose(
     told("verdict", 0.0)
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0
-    rng = np.random.default_rng(0)
-    shrunk = gap(held, fitted.before, fitted.after, scale, rng)
-    findings = _findings(fitted, held, scale, shrunk.before, shrunk.after)
+    shown = Simulations(
+        tuple(c.simulated().dn for c in held),
+        tuple(fitted.before.simulated(c) for c in held),
+        tuple(fitted.after.simulated(c) for c in held),
+    )
+    by = yardstick(held, shown.after, scale)
+    if not any(ok.any() for ok in by.ok):
+        raise BrightfieldError(
+            "No pixel of the held-out captures can be compared: all are masked or saturated."
+        )
+    shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
+    told("shares", 0.0)
+    attribution = _attribution(fitted, held, by, shown, told)
+    findings = _findings(fitted, attribution, shrunk)
     noise = noise_fit(all_of_them)
     if noise is not None and noise.probability >= PRESENT:
         findings.append(_noise_finding(noise, shrunk.after))
@@ -77,12 +111,30 @@ def diagnose(
     told("where", 0.0)
     where = _ledger(all_of_them, fitted)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
-    effects = [e for e in _effects(fitted, all_of_them[0]) if e.name() in {f.name for f in findings}]
-    left = write_corrected(document, all_of_them[0].scene, effects, findings, scene_file)
+    changes = _changes(fitted, {f.name for f in findings})
+    left = write_corrected(document, captures, changes, scene_file)
+    check = None
+    if verify and findings:
+        carried = frozenset({f.name for f in findings} - set(left))
+        claim = attribution.chi2.get(carried & frozenset(attribution.players), shrunk.before**2)
+        check = verified(scene_file, held, fitted.before, by, claim**0.5, render, settings, cache, told)
     notes = _notes(captures, all_of_them, where, fitted, left)
-    spent = time.monotonic() - began
-    diagnosis = Diagnosis(tuple(findings), unknown, shrunk, where, scene_file.name, spent, tuple(notes))
-    return Diagnosed(diagnosis, tuple(all_of_them), fitted)
+    if check is not None and check.sentence:
+        notes.insert(0, check.sentence)
+    diagnosis = Diagnosis(
+        effects=tuple(findings),
+        unknown=unknown,
+        gap=shrunk,
+        where=where,
+        corrected_scene=scene_file.name,
+        seconds=time.monotonic() - began,
+        notes=tuple(notes),
+        waterfall=_waterfall(shrunk, attribution),
+        edges=_edges(held, by, shown),
+        metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
+        verification=check,
+    )
+    return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 
 
 def _must_overlap(found: Sequence[Condition]) -> None:
@@ -104,42 +156,131 @@ def _must_overlap(found: Sequence[Condition]) -> None:
         )
 
 
-def _effects(fitted: Fit, condition: Condition) -> list[Effect]:
-    """The chain's effects at the best estimate."""
-    return Model(fitted.terms, fitted.after.theta, fitted.after.theta).effects(condition)
+@dataclass(frozen=True, eq=False)
+class Attribution:
+    """``players``: effects found, and what else is in the best hypothesis; ``chi2`` of every set of them on the
+    held-out captures, ``share``: what each takes off it (Shapley)."""
+
+    players: dict[str, tuple[Cause, ...]]
+    chi2: dict[frozenset[str], float]
+    share: dict[str, float]
 
 
-def _findings(
-    fitted: Fit, held: Sequence[Condition], scale: float, before: float, after: float
-) -> list[Finding]:
+def _attribution(
+    fitted: Fit, held: Sequence[Condition], by: Yardstick, shown: Simulations, told: Told
+) -> Attribution:
+    players: dict[str, tuple[Cause, ...]] = {}
+    for cause in fitted.best.causes:
+        sure = fitted.probability.get(cause, 0.0) >= PRESENT
+        name = (cause[0] if cause[0] in CATALOGUED else UNKNOWN) if sure else UNCERTAIN
+        players[name] = (*players.get(name, ()), cause)
+    chi2: dict[frozenset[str], float] = {}
+
+    def simulated(names: frozenset[str]) -> Sequence[np.ndarray]:
+        if not names:
+            return shown.before
+        if len(names) == len(players):
+            return shown.after
+        model = without(fitted, [c for n, causes in players.items() if n not in names for c in causes])
+        return [model.simulated(c) for c in held]
+
+    def closed(names: frozenset[str]) -> float:
+        chi2[names] = by.chi2(simulated(names))
+        told("shares", len(chi2) / 2 ** len(players))
+        return -chi2[names]
+
+    share = shares(list(players), closed)
+    return Attribution(players, chi2, share)
+
+
+def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
+    """The best model with some of its causes taken out; the others stay as they were fitted."""
+    out = np.array([t.candidate in causes for t in fitted.terms], bool)
+    before, after = fitted.before, fitted.after
+    return replace(
+        after, theta=np.where(out, before.theta, after.theta), at=np.where(out, before.at, after.at)
+    )
+
+
+def _waterfall(g: Gap, attribution: Attribution) -> tuple[Step, ...]:
+    """From the scene file as written to noise; the steps add up to its mean χ²."""
+    effects = [
+        Step(n, "effect" if n in CATALOGUED else "unknown", s)
+        for n, s in sorted(attribution.share.items(), key=lambda x: -x[1])
+    ]
+    return (
+        Step("calibration within tolerances", "calibration", g.as_written**2 - g.before**2),
+        *effects,
+        Step("not explained", "rest", g.after**2 - g.noise_floor**2),
+        Step("sensor noise", "noise", g.noise_floor**2),
+    )
+
+
+def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edges | None:
+    regions, noise = [], []
+    for c in held:
+        ids = c.shown.passes
+        regions.append(ids["object_id"].astype(np.int64) * 100000 + ids["material_id"])
+        model = c.simulated()
+        variance = (model.temporal / len(c.captures) + model.fixed).sum(axis=2)
+        noise.append(np.sqrt(variance) / model.dn.shape[2])
+    found = offsets(
+        [c.mean for c in held],
+        [shown.as_written, shown.before, shown.after],
+        regions,
+        [ok.any(axis=2) for ok in by.ok],
+        noise,
+    )
+    return Edges(*found) if found else None
+
+
+def _changes(fitted: Fit, names: set[str]) -> list[Change]:
+    """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
+    found: dict[Cause, dict[str, tuple[float, float]]] = {}
+    for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
+        if term.cause in names and term.candidate in fitted.best.causes:
+            pair = (term.value(float(theta)), term.value(0.0))
+            found.setdefault(term.candidate, {})[term.parameter] = pair
+    return [
+        Change(name, target, {n: v for n, (v, _) in values.items()}, {n: v for n, (_, v) in values.items()})
+        for (name, target), values in found.items()
+    ]
+
+
+def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Finding]:
     best, sigma = fitted.best, uncertainty(fitted)
-    named = [c for c in best.causes if c[0] in CATALOGUED and fitted.probability.get(c, 0) >= PRESENT]
+    everything = frozenset(attribution.players)
     out = []
-    for name in dict.fromkeys(c[0] for c in named):
-        own = [c for c in named if c[0] == name]
-        index = [i for c in own for i in fitted.evidence.members[c]]
+    for name in (n for n in attribution.players if n in CATALOGUED):
+        own = list(attribution.players[name])
+        index = [
+            i
+            for i, t in enumerate(fitted.terms)
+            if t.candidate in own and i in fitted.evidence.members[t.candidate]
+        ]
         estimates = {}
         for i in index:
             term = fitted.terms[i]
-            value = term.value(float(best.theta[i]))
+            value = term.value(float(fitted.after.theta[i]))
             width = float(sigma[i])
             if term.power == 2:
-                width = width / max(2 * np.sqrt(max(float(best.theta[i]), 0.0)), np.sqrt(width))
+                width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
             target = term.target.rsplit("/", 1)[-1]
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
         rivals = _rivals(fitted, own)
-        without = after
-        if len(best.causes) == len(own):
-            without = before
-        else:
-            theta, at = best.theta.copy(), fitted.after.at.copy()
-            theta[index], at[index] = 0.0, 0.0
-            without = gap(
-                held, Model(fitted.terms, theta, at), fitted.after, scale, np.random.default_rng(0)
-            ).before
         separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
-        probability = min(max(fitted.probability[c] for c in own), 0.999)
-        out.append(Finding(name, probability, estimates, rivals, separate, without, after))
+        out.append(
+            Finding(
+                name=name,
+                probability=min(max(fitted.probability[c] for c in own), 0.999),
+                parameters=estimates,
+                rivals=rivals,
+                separate_by=separate,
+                gap_without=float(np.sqrt(attribution.chi2[everything - {name}])),
+                gap_with=shrunk.after,
+                share=attribution.share[name] / shrunk.before**2,
+            )
+        )
     return out
 
 
@@ -161,7 +302,7 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
 
 def _noise_finding(noise: NoiseFit, chi: float) -> Finding:
     value = Estimate(noise.read_noise, noise.read_noise_sigma, "e-")
-    return Finding("sensor_noise", noise.probability, {"read_noise": value}, (), None, chi, chi)
+    return Finding("sensor_noise", noise.probability, {"read_noise": value}, (), None, chi, chi, 0.0)
 
 
 def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
@@ -172,7 +313,7 @@ def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
         if cause[0] in CATALOGUED or p < PRESENT:
             continue
         index = fitted.evidence.members[cause]
-        theta = fitted.best.theta[index]
+        theta = fitted.after.theta[index]
         sub = fitted.evidence.e.G[np.ix_(index, index)]
         rms = float(np.sqrt(max(theta @ sub @ theta, 0) / fitted.evidence.e.signal))
         words = cause[0] + (f" {cause[1].rsplit('/', 1)[-1]}" if cause[1] else "")
@@ -211,7 +352,7 @@ def _ledger(found: Sequence[Condition], fitted: Fit) -> Ledger:
 
 
 def _notes(
-    captures: Captures, found: Sequence[Condition], where: Ledger, fitted: Fit, left: Sequence[str]
+    captures: Captures, found: Sequence[Condition], where: Ledger, fitted: Fit, left: dict[str, str]
 ) -> list[str]:
     notes = []
     if not where.measured:
@@ -228,10 +369,8 @@ def _notes(
         notes.append(
             "The simulation has direct light alone: interreflection is not among the causes that were tried."
         )
-    if left:
-        notes.append(
-            f"The corrected scene does not carry {', '.join(left)}: a scene file has no place for it yet."
-        )
+    for name, reason in left.items():
+        notes.append(f"The corrected scene does not carry {name.replace('_', ' ')}: {reason}")
     tried = {t.cause for t in fitted.terms}
     missing = sorted(CATALOGUED - tried - {"sensor_noise"})
     notes.append(f"Not tried: {', '.join(missing)}.")

@@ -3,12 +3,16 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from analysis.gap.edges import EdgeOffsets
 from analysis.gap.ledger import Ledger
+from analysis.gap.metric import Metric
+from analysis.gap.shapley import Step
 from analysis.gap.shrinkage import Gap
+from analysis.gap.verify import Verification
 
 STAGES = {
     "scene": ("camera_pose", "object_pose", "geometry", "light_position", "light_intensity", "light_beam", "light_size",
@@ -34,7 +38,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect that the evidence supports. ``gap_without``: χ on held-out captures with all others but it."""
+    """One effect that the evidence supports. ``gap_without``: χ on held-out captures with all others but it.
+
+    ``share`` of the mean χ² before that it takes off (Shapley's): those of all effects, what is outside the
+    catalogue, what stays unexplained and the noise add up to 1. Noise moves no mean, so its share is 0.
+    """
 
     name: str
     probability: float
@@ -43,13 +51,24 @@ class Finding:
     separate_by: str | None
     gap_without: float
     gap_with: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Where edges of objects and materials lie on the held-out captures, against each simulation."""
+
+    as_written: EdgeOffsets
+    before: EdgeOffsets
+    after: EdgeOffsets
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """``unknown``: the generic families that the evidence asks for, in words, with their probabilities.
 
-    ``notes``: what limits the diagnosis, one sentence each.
+    ``notes``: what limits the diagnosis, one sentence each. ``waterfall``: mean χ² from the scene file as written down
+    to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured.
     """
 
     effects: tuple[Finding, ...]
@@ -59,6 +78,10 @@ class Diagnosis:
     corrected_scene: str
     seconds: float
     notes: tuple[str, ...] = ()
+    waterfall: tuple[Step, ...] = ()
+    edges: Edges | None = None
+    metric: Metric | None = None
+    verification: Verification | None = None
 
     @property
     def verdict(self) -> str:
@@ -67,6 +90,9 @@ class Diagnosis:
 
 
 def record(d: Diagnosis) -> dict[str, Any]:
+    """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
+    effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
+    ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -82,6 +108,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
                 "separate_by": f.separate_by,
                 "gap_without": f.gap_without,
                 "gap_with": f.gap_with,
+                "share": f.share,
             }
             for f in d.effects
         ],
@@ -96,6 +123,8 @@ def record(d: Diagnosis) -> dict[str, Any]:
             "rmse_dn_after": g.rmse_dn_after,
             "explained": g.explained,
             "held_out": list(g.held_out),
+            "as_written": g.as_written,
+            "rmse_dn_as_written": g.rmse_dn_as_written,
         },
         "where": {
             "total": d.where.total,
@@ -103,6 +132,28 @@ def record(d: Diagnosis) -> dict[str, Any]:
         },
         "corrected_scene": d.corrected_scene,
         "seconds": d.seconds,
+        "waterfall": [{"name": s.name, "kind": s.kind, "chi2": s.chi2} for s in d.waterfall],
+        "edges": _edges(d.edges) if d.edges else None,
+        "metric": _metric(d.metric) if d.metric else None,
+        "verified": {**asdict(d.verification), "holds": d.verification.holds} if d.verification else None,
+        "notes": list(d.notes),
+    }
+
+
+def _edges(e: Edges) -> dict[str, Any]:
+    return {
+        "unit": "px",
+        **{which: {"mean": o.mean, "rms": o.rms} for which, o in vars(e).items()},
+        "noise_floor": e.after.floor,
+        "count": e.after.count,
+    }
+
+
+def _metric(m: Metric) -> dict[str, Any]:
+    return {
+        "name": m.name,
+        **{f"error_{which}": m.error(which) for which in ("as_written", "before", "after")},
+        "readings": [asdict(r) for r in m.readings],
     }
 
 

@@ -2,6 +2,18 @@
 
     χ² = mean (capture - simulation)² / σ²,   closed = (before² - after²) / (before² - floor²)
 
+Three simulations are told, in this order:
+
+| name | is |
+|---|---|
+| as written | the scene file, rendered, and nothing else |
+| before | the scene file where it fits best within its declared tolerances: what the file claims, at its best |
+| after | that, with the effects that were found |
+
+``before`` counts as the gap: a file says its numbers and how far they may be off, and what lies within that is no
+finding. So an effect is not credited with what registration closes, and the gap of captures that are what the file
+says is the noise. The step from ``as written`` to ``before`` is told beside it.
+
 Intervals by resampling blocks of ``SIDE`` px, within which residuals go together. Kuensch: The jackknife and the
 bootstrap for general stationary observations. Ann. Stat. 1989.
 """
@@ -13,9 +25,10 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import noise_variance
-from analysis.gap.fit import Model
 
 SIDE, RESAMPLES = 32, 500
+
+Images = Sequence[np.ndarray]  # (H, W, C) DN, one a condition
 
 
 @dataclass(frozen=True)
@@ -30,6 +43,8 @@ class Gap:
     rmse_dn_before: float
     rmse_dn_after: float
     held_out: tuple[str, ...]
+    as_written: float
+    rmse_dn_as_written: float
 
     @property
     def explained(self) -> float:
@@ -37,46 +52,77 @@ class Gap:
         return (self.before**2 - self.after**2) / removable if removable > 0 else 0.0
 
 
-def gap(
-    held_out: Sequence[Condition],
-    before: Model,
-    after: Model,
-    temporal_scale: float,
-    rng: np.random.Generator,
-) -> Gap:
-    blocks = np.concatenate([_blocks(c, before, after, temporal_scale) for c in held_out])
+@dataclass(frozen=True, eq=False)
+class Yardstick:
+    """What all simulations of the held-out conditions are measured by: one σ² and one set of pixels for all.
+
+    ``variance`` (H, W, C) DN², ``noise``: what of it repeats show, over it; ``ok`` (H, W, C) bool: what is compared.
+    """
+
+    conditions: tuple[Condition, ...]
+    ok: tuple[np.ndarray, ...]
+    variance: tuple[np.ndarray, ...]
+    noise: tuple[np.ndarray, ...]
+
+    def blocks(self, *simulations: Images) -> np.ndarray:
+        """(n, 2 + 2 m): count, Σ noise, then Σ e²/σ² and Σ e² of each simulation, for every block of pixels."""
+        return np.concatenate(
+            [self._blocks(k, [s[k] for s in simulations]) for k in range(len(self.conditions))]
+        )
+
+    def chi2(self, simulation: Images) -> float:
+        """Mean χ² of one simulation."""
+        sums = self.blocks(simulation).sum(axis=0)
+        return float(sums[2] / sums[0])
+
+    def _blocks(self, k: int, simulations: Images) -> np.ndarray:
+        condition, ok, variance = self.conditions[k], self.ok[k], self.variance[k]
+        planes = np.zeros((*ok.shape[:2], 2 + 2 * len(simulations)))
+        repeats = len(condition.captures)
+        planes[..., 0] = repeats * ok.sum(axis=2)
+        planes[..., 1] = repeats * np.where(ok, self.noise[k], 0.0).sum(axis=2)
+        for capture in condition.captures:
+            for i, dn in enumerate(simulations):
+                e2 = np.where(ok, capture.pixels - dn, 0.0) ** 2
+                planes[..., 2 + 2 * i] += (e2 / variance).sum(axis=2)
+                planes[..., 3 + 2 * i] += e2.sum(axis=2)
+        rows, columns = (np.arange(0, n, SIDE) for n in ok.shape[:2])
+        sums = np.add.reduceat(np.add.reduceat(planes, rows, axis=0), columns, axis=1)
+        sums = sums.reshape(-1, planes.shape[2])
+        return np.asarray(sums[sums[:, 0] > 0])
+
+
+def yardstick(held_out: Sequence[Condition], best: Images, temporal_scale: float) -> Yardstick:
+    """``best``: the simulation that the noise is reckoned from; ``temporal_scale``: what repeats showed of it."""
+    ok, variances, noises = [], [], []
+    for condition, dn in zip(held_out, best, strict=True):
+        usable = condition.usable(condition.simulated())
+        ok.append(usable[..., None] & np.ones(condition.mean.shape, bool))
+        temporal, fixed = noise_variance(dn, condition.camera)
+        variance = (temporal + fixed).astype(np.float64)
+        variances.append(variance)
+        noises.append((temporal_scale * temporal + fixed) / variance)
+    return Yardstick(tuple(held_out), tuple(ok), tuple(variances), tuple(noises))
+
+
+def gap(by: Yardstick, as_written: Images, before: Images, after: Images, rng: np.random.Generator) -> Gap:
+    blocks = by.blocks(as_written, before, after)
     sums = blocks.sum(axis=0)
+    if not sums.size or not sums[0]:
+        raise ValueError("no pixel of the held-out conditions can be compared")
     picks = rng.integers(0, len(blocks), (RESAMPLES, len(blocks)))
     again = np.stack([blocks[p].sum(axis=0) for p in picks])
-    chi = np.sqrt(again[:, 1:3] / again[:, :1])
-    low, high = np.percentile(chi, [2.5, 97.5], axis=0)
-    means = np.sqrt(sums[1:] / sums[0])
+    low, high = np.percentile(np.sqrt(again[:, [4, 6]] / again[:, :1]), [2.5, 97.5], axis=0)
+    noise, raw, raw_dn, chi_before, dn_before, chi_after, dn_after = np.sqrt(sums[1:] / sums[0])
     return Gap(
-        before=float(means[0]),
-        after=float(means[1]),
-        noise_floor=float(means[2]),
+        before=float(chi_before),
+        after=float(chi_after),
+        noise_floor=float(noise),
         ci95_before=(float(low[0]), float(high[0])),
         ci95_after=(float(low[1]), float(high[1])),
-        rmse_dn_before=float(means[3]),
-        rmse_dn_after=float(means[4]),
-        held_out=tuple(i for c in held_out for i in c.images),
+        rmse_dn_before=float(dn_before),
+        rmse_dn_after=float(dn_after),
+        held_out=tuple(i for c in by.conditions for i in c.images),
+        as_written=float(raw),
+        rmse_dn_as_written=float(raw_dn),
     )
-
-
-def _blocks(condition: Condition, before: Model, after: Model, temporal_scale: float) -> np.ndarray:
-    """(n, 6): count, Σ before²/σ², Σ after²/σ², Σ V/σ², Σ before², Σ after² of each block that has usable pixels."""
-    ok = condition.usable(condition.simulated())[..., None] & np.ones(condition.mean.shape, bool)
-    dn = [m.simulated(condition) for m in (before, after)]
-    temporal, fixed = noise_variance(dn[1], condition.camera)
-    variance = (temporal + fixed).astype(np.float64)
-    noise = (temporal_scale * temporal + fixed) / variance
-    planes = np.zeros((*ok.shape[:2], 6))
-    for capture in condition.captures:
-        e = [capture.pixels - d for d in dn]
-        for k, plane in enumerate(
-            (1.0, e[0] ** 2 / variance, e[1] ** 2 / variance, noise, e[0] ** 2, e[1] ** 2)
-        ):
-            planes[..., k] += np.where(ok, plane, 0.0).sum(axis=2)
-    rows, columns = (np.arange(0, n, SIDE) for n in ok.shape[:2])
-    sums = np.add.reduceat(np.add.reduceat(planes, rows, axis=0), columns, axis=1).reshape(-1, 6)
-    return np.asarray(sums[sums[:, 0] > 0])
