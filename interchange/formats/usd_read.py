@@ -82,6 +82,18 @@ class SceneReader:
             self._kept[key] = make()
         return self._kept[key]
 
+    def forget(self, paths: Iterable[str]) -> None:
+        """Read anew, next time, what these prims hold, and what is above or below them: they were edited."""
+        changed = tuple(paths)
+
+        def touched(key: Any) -> bool:
+            kind, path, *_ = key[0] if isinstance(key[0], tuple) else key
+            return kind in ("mesh", "gprim", "material") and any(
+                path == p or path.startswith(p + "/") or p.startswith(path + "/") for p in changed
+            )
+
+        self._kept = {key: made for key, made in self._kept.items() if not touched(key)}
+
     def same(self, path: str, new: Any, fields: Iterable[str]) -> Any:
         """The last frame's record where nothing differs, so that renderers see by identity what changed."""
         old = self._last.get(path)

@@ -1,0 +1,58 @@
+"""The material library: published fits to real materials, and every model of the catalogue with its ``example``.
+
+``presets.csv``: one Lafortune lobe for each of 50 materials of the MERL data base, Ngan, Durand, Matusik: Experimental
+analysis of BRDF models. EGSR 2005, supplement (assets/lafortune_fits/README.md tells where the numbers are from).
+"""
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from analysis.fit.unknowns import from_published
+from composer.editor.commands import AddMaterial
+from interchange.brdf import BY_NAME, Brdf
+from interchange.parameter import parameters
+
+PUBLISHED = Path(__file__).with_name("presets.csv")
+MEASURED, MODELS = "Measured materials (Lafortune)", "Models of the catalogue"
+
+
+@dataclass(frozen=True)
+class Preset:
+    """``command`` puts the material into a scene."""
+
+    group: str
+    name: str
+    brdf: Brdf
+    source: str
+
+    @property
+    def command(self) -> AddMaterial:
+        values = {name: getattr(self.brdf, name) for name in parameters(self.brdf)}
+        words = self.name.replace("-", " ").replace("_", " ").split()
+        model = type(self.brdf).__name__
+        own = model if self.group == MODELS else "".join(w.capitalize() for w in words)
+        return AddMaterial(model, own, values if self.group == MEASURED else {})
+
+
+@cache
+def presets() -> tuple[Preset, ...]:
+    """The measured materials, then the models, both by name."""
+    found = []
+    with PUBLISHED.open(encoding="utf8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            rho_d = tuple(float(row[f"rho_d_{c}"]) for c in "rgb")
+            rho_s = tuple(float(row[f"rho_s_{c}"]) for c in "rgb")
+            brdf = from_published(rho_d, rho_s, float(row["Cxy"]), float(row["Cz"]), float(row["n"]))  # type: ignore[arg-type]
+            about = "One Lafortune lobe, Ngan, Durand, Matusik: EGSR 2005, of MERL's measurement"
+            found.append(Preset(MEASURED, row["material"].replace("_", "-"), brdf, about))
+    for name in sorted(BY_NAME):
+        kind = BY_NAME[name]
+        found.append(Preset(MODELS, name, kind(**dict(kind.example)), kind.source))
+    return tuple(found)
+
+
+def preset(name: str) -> Preset:
+    """By name; StopIteration where there is none."""
+    return next(p for p in presets() if p.name == name)

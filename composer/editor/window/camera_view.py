@@ -1,0 +1,323 @@
+"""What a camera of the scene sees: its sensor's digital numbers, or radiance in false colour; with histogram, the
+number under the cursor, and the path-traced image beside it."""
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui
+from imgui_bundle import icons_fontawesome_6 as icons
+
+from composer.editor.offline_job import OfflineJob
+from composer.editor.window import theme
+from composer.editor.window.display import Display, Look
+from composer.editor.window.places import mark, mark_rect
+from composer.editor.window.state import State
+from composer.editor.window.toolbar import toggle
+from interchange.camera import Camera
+from interchange.exposure import expose
+from interchange.image import Image, Quantity
+from interchange.problems import BrightfieldError
+
+BINS = 128
+SAMPLES = (16, 64, 256, 1024)
+
+
+@dataclass
+class CameraView:
+    state: State
+    number: int = 0  # which of the views this is
+    camera: str = ""
+    mode: str = "sensor"  # or "radiance"
+    noise: bool = True
+    zoom_in: bool = False
+    split: float = 0.5
+    samples: int = 64
+    displays: dict[str, Display] = field(default_factory=dict)
+    drawn: Any = None
+    offline_drawn: Any = None
+    live: Image | None = None  # radiance
+    shown: Image | None = None
+    offline: Image | None = None
+    histogram: np.ndarray = field(default_factory=lambda: np.zeros((1, BINS), np.float32))
+    gain: float = 1.0
+    full: bool = False
+    problem: str = ""
+    seed: int = 0
+    grabbed: bool = False
+
+    def gui(self) -> None:
+        camera = self._choose()
+        if camera is None:
+            imgui.text_disabled("The scene has no camera.")
+            imgui.text_disabled("Add one from the menu Add.")
+            return
+        self._bar(camera)
+        self._picture(camera)
+        self._offline(camera)
+        if self.problem:
+            imgui.push_text_wrap_pos(0)
+            imgui.text_colored(imgui.ImVec4(*theme.BAD), self.problem)
+            imgui.pop_text_wrap_pos()
+        if self.shown is not None and self.displays:
+            self._image(camera)
+
+    def _choose(self) -> Camera | None:
+        cameras = self.state.scene.cameras
+        if not cameras:
+            self.drawn = self.shown = None
+            return None
+        names = [c.name for c in cameras]
+        if self.number == 0 and self.state.shown_camera in names:
+            self.camera, self.state.shown_camera = self.state.shown_camera, ""
+        if self.camera not in names:
+            self.camera = names[min(self.number, len(names) - 1)]
+        return cameras[names.index(self.camera)]
+
+    def _bar(self, camera: Camera) -> None:
+        imgui.set_next_item_width(120)
+        if imgui.begin_combo("##camera", camera.name.rsplit("/", 1)[-1]):
+            for each in self.state.scene.cameras:
+                if imgui.selectable(each.name.rsplit("/", 1)[-1], each.name == camera.name)[0]:
+                    self.camera = each.name
+            imgui.end_combo()
+        imgui.same_line()
+        if toggle("Sensor", self.mode == "sensor", "Digital numbers, as the camera gives them"):
+            self.mode = "sensor"
+        imgui.same_line(0, 2)
+        if toggle("Radiance", self.mode == "radiance", "W/(m² sr) in false colour"):
+            self.mode = "radiance"
+        imgui.same_line(0, 8)
+        if toggle(icons.ICON_FA_BRAILLE, self.noise, "Noise of the sensor"):
+            self.noise = not self.noise
+        imgui.same_line(0, 2)
+        if toggle(icons.ICON_FA_CROSSHAIRS, False, "Select this camera"):
+            self.state.workspace.select([camera.name])
+        imgui.same_line(0, 8)
+        job = self.state.job
+        if job is not None and job.running and self.state.job_camera == camera.name:
+            text = f"{job.done_samples} / {job.samples}" if job.done_samples else "starting"
+            imgui.progress_bar(job.fraction, imgui.ImVec2(92, 0), text)
+            imgui.same_line(0, 2)
+            if imgui.button(f"{icons.ICON_FA_XMARK}##stop"):
+                job.cancel()
+        else:
+            if imgui.button(f"{icons.ICON_FA_PLAY} Offline"):
+                self._start(camera)
+            mark(f"offline {self.number}")
+            if imgui.is_item_hovered():
+                imgui.set_tooltip("Render this view by path tracing, in a process of its own")
+            imgui.same_line(0, 2)
+            imgui.set_next_item_width(64)
+            changed, index = imgui.combo("##samples", SAMPLES.index(self.samples), [str(n) for n in SAMPLES])
+            self.samples = SAMPLES[index] if changed else self.samples
+            if imgui.is_item_hovered():
+                imgui.set_tooltip("Light paths a pixel")
+        if self.offline is not None:
+            imgui.same_line(0, 6)
+            if imgui.button(f"{icons.ICON_FA_TRASH}##offline"):
+                self.offline, self.offline_drawn = None, None
+                self.displays.pop("offline", None)
+
+    # making pictures
+
+    def _size(self, camera: Camera) -> Camera:
+        """As large as it is shown while things move, in full when they rest."""
+        width = camera.sensor.resolution[0]
+        room = max(32, int(imgui.get_content_region_avail().x))
+        return camera if self.state.quiet or room >= width else camera.resized(room)
+
+    def _picture(self, camera: Camera) -> None:
+        state = self.state
+        used = self._size(camera)
+        quiet = state.quiet
+        key = (
+            state.scene_key,
+            state.workspace.time,
+            camera.name,
+            self.mode,
+            self.noise,
+            used.sensor.resolution,
+            quiet,
+        )
+        if key == self.drawn or state.renderer is None or state.context is None:
+            return
+        again = (
+            self.drawn is not None
+            and self.live is not None
+            and self.drawn[:3] + self.drawn[5:] == key[:3] + key[5:]
+        )
+        self.drawn, self.full, self.problem = key, quiet, ""
+        before = state.context.detect_framebuffer()
+        try:
+            if not again:
+                sharp = used.lens.f_stop > 0 and used.lens.focus_distance > 0
+                samples = (16 if sharp else 4) if quiet else (2 if sharp else 1)
+                self.live = state.renderer.render(state.scene, used, samples=samples, shading="pixel")
+                self.seed += 1
+            assert self.live is not None
+            self.shown = self._exposed(self.live)
+            self._show("live", self.shown, measure=True)
+        except BrightfieldError as error:
+            self.problem = str(error)
+        finally:
+            before.use()
+
+    def _exposed(self, image: Image) -> Image:
+        if self.mode == "radiance":
+            return image
+        rng = np.random.default_rng(self.seed) if self.noise else None
+        return expose(image, rng=rng)
+
+    def _show(self, name: str, image: Image, measure: bool = False) -> None:
+        assert self.state.context is not None
+        if name not in self.displays:
+            self.displays[name] = Display(self.state.context)
+        display = self.displays[name]
+        if measure:
+            self._measure(image)
+        display.upload(image.pixels if image.pixels.shape[2] in (1, 3) else image.pixels[..., :3])
+        display.draw(Look.PLAIN if image.quantity is Quantity.DN else Look.FALSE_COLOR, self.gain)
+
+    def _measure(self, image: Image) -> None:
+        """Histogram and gain of what is shown."""
+        if image.quantity is Quantity.DN and image.camera is not None:
+            top = float(2**image.camera.sensor.bits_out - 1)
+        else:
+            top = float(np.percentile(image.pixels.max(axis=-1), 99.8)) or 1.0
+        self.gain = 1 / top
+        step = max(1, image.pixels.size // 600_000)
+        sample = image.pixels.reshape(-1, image.pixels.shape[2])[::step]
+        counts = [np.histogram(sample[:, c], BINS, (0, top * (1 + 1e-6)))[0] for c in range(sample.shape[1])]
+        self.histogram = np.log1p(np.array(counts, np.float32))
+
+    def _start(self, camera: Camera) -> None:
+        if self.state.job is not None and self.state.job.running:
+            self.state.tell("Another view is being rendered.", error=True)
+            return
+        self.state.job = OfflineJob(self.state.workspace.scene, camera, self.samples)
+        self.state.job_camera = camera.name
+
+    def _offline(self, camera: Camera) -> None:
+        job = self.state.job
+        if job is None or self.state.job_camera != camera.name:
+            return
+        if job.error and not job.running:
+            self.problem = job.error
+        key = (id(job), job.version, self.mode, self.noise, self.gain)
+        if job.image is None or key == self.offline_drawn or self.state.context is None:
+            return
+        self.offline_drawn = key
+        before = self.state.context.detect_framebuffer()
+        try:
+            self.offline = self._exposed(job.image)
+            self._show("offline", self.offline)
+        except BrightfieldError as error:
+            self.problem = str(error)
+        finally:
+            before.use()
+
+    # showing them
+
+    def _image(self, camera: Camera) -> None:
+        area = imgui.get_content_region_avail()
+        below = 66.0
+        width, height = camera.sensor.resolution
+        scale = max(1e-3, min(area.x / width, (area.y - below) / height))
+        w, h = width * scale, height * scale
+        corner = imgui.get_cursor_screen_pos()
+        x = corner.x + max(0.0, (area.x - w) / 2)
+        low, high = (x, corner.y), (x + w, corner.y + h)
+        draw = imgui.get_window_draw_list()
+        live = self.displays.get("live")
+        if live is None or not live.ready:
+            return
+        imgui.invisible_button("##image", imgui.ImVec2(max(area.x, 8), max(h, 8)))
+        mark_rect(f"camera {self.number}", (*low, *high))
+        hovered = imgui.is_item_hovered()
+        offline = self.displays.get("offline") if self.offline is not None else None
+        draw.add_image(live.texture, low, high)
+        if offline is not None and offline.ready:
+            self._slider(draw, offline, low, high)
+        draw.add_rect(low, high, theme.color32((0, 0, 0, 1)))
+        self._status(draw, low, camera)
+        self._curve(x, w)
+        if hovered:
+            self._under_cursor(low, scale, w)
+
+    def _slider(self, draw: Any, offline: Display, low: Any, high: Any) -> None:
+        """Live on the left of the handle, path-traced on the right."""
+        mouse = imgui.get_mouse_pos()
+        x = low[0] + self.split * (high[0] - low[0])
+        if imgui.is_item_active():
+            self.split = float(np.clip((mouse.x - low[0]) / max(high[0] - low[0], 1), 0, 1))
+        draw.add_image(offline.texture, (x, low[1]), high, (self.split, 0), (1, 1))
+        draw.add_line((x, low[1]), (x, high[1]), theme.color32((1, 1, 1, 0.9)), 2)
+        middle = (low[1] + high[1]) / 2
+        draw.add_circle_filled((x, middle), 7, theme.color32((1, 1, 1, 0.95)))
+        white = theme.color32((1, 1, 1, 0.9))
+        draw.add_text((low[0] + 8, high[1] - 22), white, "real-time")
+        draw.add_text((high[0] - 80, high[1] - 22), white, "path-traced")
+
+    def _status(self, draw: Any, low: Any, camera: Camera) -> None:
+        if not self.full:
+            draw.add_text((low[0] + 8, low[1] + 6), theme.color32((1, 1, 1, 0.6)), "preview")
+
+    def _curve(self, x: float, width: float) -> None:
+        """The histogram, logarithmic, a curve a channel."""
+        corner = imgui.get_cursor_screen_pos()
+        height = 36.0
+        draw = imgui.get_window_draw_list()
+        low, high = (x, corner.y), (x + width, corner.y + height)
+        draw.add_rect_filled(low, high, theme.color32((0.105, 0.11, 0.118, 1)), 3)
+        top = float(self.histogram.max()) or 1.0
+        colors = [(0.95, 0.40, 0.38, 0.9), (0.50, 0.85, 0.45, 0.9), (0.45, 0.62, 1.0, 0.9)]
+        for c, counts in enumerate(self.histogram):
+            rgba = colors[c] if len(self.histogram) > 1 else (0.85, 0.86, 0.88, 0.9)
+            xs = low[0] + (np.arange(BINS) + 0.5) / BINS * width
+            ys = high[1] - 2 - counts / top * (height - 5)
+            points: list[Any] = [imgui.ImVec2(float(a), float(b)) for a, b in zip(xs, ys, strict=True)]
+            draw.add_polyline(points, theme.color32(rgba), 1.3, 0)
+        imgui.dummy(imgui.ImVec2(width, height))
+        image = self.shown
+        if image is None:
+            return
+        if image.quantity is Quantity.DN:
+            most = 2 ** (image.camera.sensor.bits_out if image.camera else 8) - 1
+            over = float((image.pixels >= most).mean())
+            text = f"DN  0 … {most}   mean {image.pixels.mean():.0f}"
+            imgui.text_disabled(text)
+            if over > 0.001:
+                imgui.same_line()
+                imgui.text_colored(imgui.ImVec4(*theme.WARN), f"{100 * over:.1f} % saturated")
+        else:
+            imgui.text_disabled(f"0 … {1 / self.gain:.4g} W/(m² sr)   mean {image.pixels.mean():.4g}")
+
+    def _under_cursor(self, low: Any, scale: float, width: float) -> None:
+        mouse = imgui.get_mouse_pos()
+        right = self.offline is not None and mouse.x > low[0] + self.split * width
+        image = self.offline if right and self.offline is not None else self.shown
+        if image is None:
+            return
+        h, w = image.pixels.shape[:2]
+        column = int((mouse.x - low[0]) / width * w)
+        row = int((mouse.y - low[1]) / (width * h / w) * h)
+        if not (0 <= column < w and 0 <= row < h):
+            return
+        values = image.pixels[row, column]
+        if image.quantity is Quantity.DN:
+            numbers = "  ".join(f"{v:.0f}" for v in values)
+            text = f"({column}, {row}) px    DN {numbers}"
+        else:
+            numbers = "  ".join(f"{v:.4g}" for v in values)
+            text = f"({column}, {row}) px    {numbers} W/(m² sr)"
+        imgui.set_tooltip(text + ("    path-traced" if right else "") + ("" if self.full else "    preview"))
+
+
+def keep_awake(state: State) -> None:
+    """The window rests when nothing happens; not while a picture is still to be made, or a worker renders."""
+    waiting = not state.quiet or (state.job is not None and state.job.running)
+    hello_imgui.get_runner_params().fps_idling.fps_idle = 12.0 if waiting else 4.0
+    if time.monotonic() - state.changed_at < 0.6:
+        hello_imgui.request_refresh()
