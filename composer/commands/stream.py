@@ -108,10 +108,6 @@ def run(args: argparse.Namespace) -> int:
     for name, port in (("--port", args.port), ("--http", args.http)):
         if port is not None and not 0 <= port <= 65535:
             raise BrightfieldError(f"{name} must lie in [0, 65535]; got {port}.")
-    if any(k.paces for k in kinds) and len(kinds) > 1:
-        raise BrightfieldError(
-            f"{' and '.join(args.kinds)} cannot be streamed together: gige has its own clock."
-        )
     document = open_scene(args.scene, options_from(args))
     names = [c.name for c in choose_cameras(document.scene(document.times[0]), args.camera)]
     settings = {
@@ -147,8 +143,7 @@ def run(args: argparse.Namespace) -> int:
         for publisher in publishers:
             stack.callback(publisher.stop)
         for publisher in publishers:
-            if not any(k.paces for k in kinds):
-                publisher.start()
+            publisher.start()
         while not stop.is_set() and not all(p.done.is_set() for p in publishers):
             stop.wait(0.1)
         for publisher in publishers:

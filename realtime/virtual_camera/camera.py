@@ -67,8 +67,8 @@ class VirtualCamera:
         self._own = None if draw else Drawing(samples)
         self._draw: Draw = draw or self._own  # type: ignore[assignment]
         self._pace = Pace()
-        self._triggers = threading.Semaphore(0)
-        self._lock, self._changing = threading.RLock(), threading.Lock()
+        self._triggers = 0
+        self._lock, self._taking, self._changed = threading.RLock(), threading.Lock(), threading.Condition()
         self._open = True
         self._number, self._seconds = 0, 0.0
         self._taken: tuple[Truth, Settings] | None = None
@@ -86,17 +86,31 @@ class VirtualCamera:
     def grab(self) -> bool:
         """Take the next frame: the moment is fixed, the picture is made by ``retrieve``."""
         with self._lock:
-            settings = self._settings
-            if not self._open:
-                return False
-            if settings.triggered:
-                if not self._triggers.acquire(timeout=self.timeout) or not self._open:
-                    return False
-                self._pace.took(*[time.monotonic()] * 2)
-            elif self.scene.live and not self._pace.wait(settings.period):
+            if not self._wait():
                 return False
             self.expose_now()
             return True
+
+    def _wait(self) -> bool:
+        """Until the next frame is due, or triggered; a change of settings holds at once. False: it never came."""
+        until = time.monotonic() + self.timeout
+        with self._changed:
+            while self._open:
+                settings, now = self._settings, time.monotonic()
+                if settings.triggered and self._triggers:
+                    self._triggers -= 1
+                    self._pace.took(now, now, settings.period)
+                    return True
+                if settings.triggered and now >= until:
+                    return False
+                if not (settings.triggered or self.scene.live):
+                    return True
+                due = until if settings.triggered else self._pace.due(settings.period, now)
+                if now >= due:
+                    self._pace.took(now, due, settings.period)
+                    return True
+                self._changed.wait(due - now)
+        return False
 
     def retrieve(self) -> tuple[bool, np.ndarray | None]:
         """The picture of the frame that ``grab`` took; the same one if asked again."""
@@ -122,9 +136,9 @@ class VirtualCamera:
 
     def release(self) -> None:
         """Wakes whoever waits for a frame."""
-        self._open = False
-        self._pace.stop()
-        self._triggers.release()
+        with self._changed:
+            self._open = False
+            self._changed.notify_all()
         if self._own is not None:
             self._own.release()
 
@@ -141,14 +155,18 @@ class VirtualCamera:
             changes["format"] = named(changes["format"])
         if "region" in changes:
             changes["region"] = tuple(int(x) for x in changes["region"])
-        with self._changing:
-            self._settings = replace(self._settings, **changes).check(self.sensor)
+        with self._changed:
+            before, self._settings = self._settings, replace(self._settings, **changes).check(self.sensor)
+            if self._settings.triggered and not before.triggered:
+                self._triggers = 0
+            self._changed.notify_all()
             return self._settings
 
     @property
     def position(self) -> tuple[int, float]:
         """Number of the frame that was taken last (0: none yet), and the scene's s then."""
-        taken = self._taken
+        with self._taking:  # a frame is taken, or it is not
+            taken = self._taken
         return (taken[0].number, taken[0].seconds) if taken else (0, 0.0)
 
     @property
@@ -163,11 +181,13 @@ class VirtualCamera:
 
     def trigger(self) -> None:
         """One frame, where the camera is ``triggered``; each trigger gives one, in turn."""
-        self._triggers.release()
+        with self._changed:
+            self._triggers += 1
+            self._changed.notify_all()
 
     def expose_now(self) -> Truth:
         """Take a frame without waiting for its time: for a transport that has its own clock."""
-        with self._lock:
+        with self._lock, self._taking:
             settings = self._settings
             seconds = self.scene.elapsed() if self.scene.live else self._seconds
             moment = self.scene.at(seconds)

@@ -1,11 +1,9 @@
-"""When frames are due: the clock that a camera's exposures follow, and how well they kept to it.
+"""When frames are due: the grid in time that a camera's exposures follow, and how well they kept to it.
 
-Frame k is due at t0 + k T, so errors do not add up; a camera that was too slow leaves out whole periods and counts
-them. Jitter is the spread of (start of exposure - when it was due).
+A frame is due one period after the last one was due, so errors do not add up; a camera that was too slow leaves out
+whole periods and counts them. Jitter is the spread of (start of exposure - when it was due).
 """
 
-import threading
-import time
 from collections import deque
 from dataclasses import dataclass
 
@@ -27,43 +25,27 @@ class Timing:
 
 
 class Pace:
-    """Waits for the next frame's time. One thread waits, any may stop it."""
+    """Times are those of one clock, s."""
 
     def __init__(self) -> None:
-        self._due = 0.0
-        self._period = 0.0
-        self._stopped = threading.Event()
+        self._last: float | None = None
         self._late: deque[float] = deque(maxlen=KEPT)
         self._starts: deque[float] = deque(maxlen=KEPT)
         self.frames = 0
         self.missed = 0
 
-    def wait(self, period: float) -> bool:
-        """Until the next frame is due, ``period`` s after the last one; False where ``stop`` was called."""
-        now = time.monotonic()
-        if self._due == 0.0 or period != self._period:
-            self._due = max(now, self._due) if self._due else now
-            self._period = period
-        elif now > self._due + period:
-            gone = int((now - self._due) / period)
-            self.missed += gone
-            self._due += gone * period
-        if self._due > now and self._stopped.wait(self._due - now):
-            return False
-        if self._stopped.is_set():
-            return False
-        self.took(time.monotonic(), self._due)
-        self._due += period
-        return True
+    def due(self, period: float, now: float) -> float:
+        """When the next frame is due; the first one is at once."""
+        return now if self._last is None else self._last + period
 
-    def took(self, now: float, due: float) -> None:
-        """A frame was begun at ``now`` that was due at ``due``."""
+    def took(self, now: float, due: float, period: float) -> None:
+        """A frame that was ``due`` was begun at ``now``."""
+        gone = max(0, int((now - due) / period))
+        self.missed += gone
         self.frames += 1
-        self._late.append(now - due)
+        self._last = due + gone * period
+        self._late.append(now - self._last)
         self._starts.append(now)
-
-    def stop(self) -> None:
-        self._stopped.set()
 
     @property
     def timing(self) -> Timing:

@@ -39,7 +39,7 @@ class Subscription:
 
 
 class Publisher:
-    """Takes frames in a thread of its own from ``start`` to ``stop``, or whenever a transport calls ``take``.
+    """Takes frames in a thread of its own from ``start`` to ``stop``.
 
     ``frames``: how many to take in all, 0 without end. ``kept``: truths that can still be asked for.
     """
@@ -74,13 +74,6 @@ class Publisher:
             self._new.notify_all()
         if self._thread is not None:
             self._thread.join()
-
-    def take(self) -> Frame:
-        """One frame now, in the caller's thread, to every reader."""
-        self.camera.expose_now()
-        frame = self.camera.develop()
-        self._publish(frame)
-        return frame
 
     def each(self, sink: Callable[[Frame], None]) -> None:
         """Call ``sink`` with every frame, in the camera's thread: for what is quick and must miss none."""

@@ -14,7 +14,6 @@ class Transport:
 
     meaning: ClassVar[str]  # one line for a person
     port: ClassVar[int] = 0  # that its clients expect
-    paces: ClassVar[bool] = False  # it asks for frames itself; publishers are not started
 
     def __init__(self, publishers: Sequence[Publisher], address: str = "127.0.0.1", port: int = 0) -> None:
         self.cameras = {p.name: p for p in publishers}

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
-from realtime.virtual_camera import pace
 from realtime.virtual_camera.joint import Conveyor, Joint
 from realtime.virtual_camera.moving_scene import MovingScene, TimeLine
+from realtime.virtual_camera.pace import Pace
 
 ANGLE = st.floats(-7, 7)
 L1, L2 = 0.4, 0.3
@@ -127,22 +127,16 @@ def test_what_cannot_move_is_one_clear_error(live, make, message):
         make(live)
 
 
-def test_a_pace_keeps_to_its_grid_and_counts_what_it_misses(monkeypatch):
-    """By a clock of our own: frames are due at multiples of the period whatever the last one cost."""
-    now = [100.0]
-    monkeypatch.setattr(pace.time, "monotonic", lambda: now[0])
-    clock = pace.Pace()
-
-    def wait(seconds):
-        now[0] += seconds
-        return False
-
-    monkeypatch.setattr(clock._stopped, "wait", wait)
-    starts = []
+def test_a_pace_keeps_to_its_grid_and_counts_what_it_misses():
+    """Frames are due at multiples of the period whatever the last one cost."""
+    clock, now, starts = Pace(), 100.0, []
     for cost in (0.01, 0.01, 0.35, 0.01, 0.01):
-        assert clock.wait(0.1)
-        starts.append(now[0] - 100)
-        now[0] += cost
+        due = clock.due(0.1, now)
+        now = max(now, due)
+        clock.took(now, due, 0.1)
+        starts.append(now - 100)
+        now += cost
     np.testing.assert_allclose(starts, [0.0, 0.1, 0.2, 0.55, 0.6])
     assert clock.missed == 2
     assert clock.timing.frames == 5
+    assert clock.due(0.5, now) == pytest.approx(101.1)  # another period, from the last frame on
