@@ -14,6 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from composer.series_files import (
+    read_labels,
+    write_colors,
+    write_labels,
+    write_map,
+    write_mask,
+    write_picture,
+)
 from interchange.problems import BrightfieldError
 
 HELP = (
@@ -165,9 +173,9 @@ def _anomalies(args: argparse.Namespace) -> dict[str, Any]:
 
     series = _read(args)
     found = find_anomalies(series, args.gamma, Estimator(args.covariance), Law(args.law), args.least_area)
-    _map(args.out / "delta.exr", found.delta)
-    _mask(args.out / "mask.png", found.mask)
-    _picture(args.out / "delta.png", np.log(np.maximum(found.delta, 1e-6)))
+    write_map(args.out / "delta.exr", found.delta)
+    write_mask(args.out / "mask.png", found.mask)
+    write_picture(args.out / "delta.png", np.log(np.maximum(found.delta, 1e-6)))
     about = {
         "gamma": args.gamma,
         "threshold": found.threshold,
@@ -175,7 +183,7 @@ def _anomalies(args: argparse.Namespace) -> dict[str, Any]:
         "background_pixels": found.background.used,
     }
     if args.truth is not None:
-        score = detection(_labels(args.truth, series.shape) > 0, found.delta, found.mask)
+        score = detection(read_labels(args.truth, series.shape) > 0, found.delta, found.mask)
         about |= {"precision": score.precision, "recall": score.recall, "auc": score.auc}
     return about
 
@@ -184,7 +192,7 @@ def _cluster_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("--classes", type=int, required=True, metavar="K")
     p.add_argument(
         "--features",
-        choices=("lafortune", "lafortune-raw", "raw"),
+        choices=("lafortune", "lafortune-raw", "raw", "azimuth", "harmonics"),
         default="lafortune",
         help="lafortune: k_d, height and albedo of the lobe; lafortune-raw: C_z, k_d, n; raw: the images themselves",
     )
@@ -198,14 +206,14 @@ def _cluster(args: argparse.Namespace) -> dict[str, Any]:
     series = _read(args)
     x, names = _features(series, args.features)
     found = k_means(x, args.classes, args.seed)
-    _labelled(args.out, found.labels)
+    write_labels(args.out, found.labels)
     about: dict[str, Any] = {
         "features": names,
         "pixels": [int((found.labels == k).sum()) for k in range(args.classes)],
         "centers": found.centers.tolist(),
     }
     if args.truth is not None:
-        about["adjusted_rand_index"] = adjusted_rand(found.labels, _labels(args.truth, series.shape))
+        about["adjusted_rand_index"] = adjusted_rand(found.labels, read_labels(args.truth, series.shape))
     return about
 
 
@@ -218,71 +226,186 @@ def _features(series: Any, kind: str) -> tuple[np.ndarray, list[str]]:
         if kind == "lafortune-raw":
             return found.features, ["C_z", "k_d", "n"]
         return found.additive, ["k_d", "lobe height 1/sr", "lobe albedo"]
+    if kind == "azimuth":
+        from analysis.series.azimuth_features import NAMES, azimuth_features
+
+        return azimuth_features(series), list(NAMES)
+    if kind == "harmonics":
+        from analysis.series.hemispherical_harmonics import harmonic_features
+
+        x = harmonic_features(series)
+        return x, [f"coefficient {k}" for k in range(x.shape[-1])]
     return np.moveaxis(series.grey, 0, -1), list(series.names)
 
 
-def _mask(path: Path, mask: np.ndarray) -> None:
+def _normal_options(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--method",
+        choices=("least-squares", "ranks", "l1", "ransac", "specular"),
+        default="least-squares",
+        help="ranks, l1 and ransac stand highlights and shadows; specular: by the highlight's direction",
+    )
+    p.add_argument(
+        "--shadow", type=float, default=0.0, metavar="SHARE", help="of the brightest; below is shadow"
+    )
+    p.add_argument("--near", action="store_true", help="solve for heights under near lamps")
+
+
+def _normals(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.integration import heights
+    from analysis.series.near_stereo import near_photometric_stereo
+    from analysis.series.photometric_stereo import Method, photometric_stereo
+    from analysis.series.specular_direction import specular_normals
+    from interchange.camera import Projection
+
+    series = _read(args)
+    about: dict[str, Any] = {"method": args.method, "lamps": len(series)}
+    z = None
+    if args.method == "specular":
+        n = specular_normals(series)
+    else:
+        method = Method(args.method)
+        if args.near:
+            near = near_photometric_stereo(series, method=method, shadow=args.shadow)
+            found, z = near.normals, near.heights
+            about |= {"steps": near.steps, "last_change_m": near.change}
+        else:
+            found = photometric_stereo(series, method, args.shadow)
+        n = found.n
+        write_map(args.out / "albedo.exr", found.rho)
+        write_picture(args.out / "albedo.png", found.rho)
+        about["residual_median"] = float(np.nanmedian(found.residual))
+    write_map(args.out / "normals.exr", n)
+    write_colors(args.out / "normals.png", np.nan_to_num(0.5 + 0.5 * n))
+    camera = series.camera
+    if z is None and camera is not None and camera.lens.projection is Projection.ORTHOGRAPHIC:
+        z = heights(n, camera.sensor.pixel_pitch[0])
+    if z is not None:
+        write_map(args.out / "heights.exr", z)
+        write_picture(args.out / "heights.png", z)
+        about["height_range_mm"] = float(np.ptp(z) * 1e3)
+    about["pixels_without_normal"] = int(np.isnan(n).any(axis=-1).sum())
+    about["median_tilt_deg"] = float(np.degrees(np.nanmedian(np.arccos(np.clip(n[..., 2], -1, 1)))))
+    return about
+
+
+def _classify_options(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--labels", type=Path, required=True, metavar="PNG", help="class numbers, 255 where unknown"
+    )
+    p.add_argument("--features", choices=("harmonics", "lafortune", "raw"), default="harmonics")
+    p.add_argument(
+        "--own-frame", action="store_true", help="turn lamps into each pixel's frame by its normal"
+    )
+
+
+def _classify(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.hemispherical_harmonics import classify, harmonic_features
+    from analysis.series.photometric_stereo import Method, photometric_stereo
+
+    series = _read(args)
+    if args.own_frame and args.features == "harmonics":
+        x = harmonic_features(series, photometric_stereo(series, Method.RANKS).n)
+    else:
+        x, _ = _features(series, args.features)
+    found = classify(x, read_labels(args.labels, series.shape))
+    write_labels(args.out, found.labels)
+    return {"accuracy_cross_validated": found.accuracy[0], "sd_over_folds": found.accuracy[1]}
+
+
+def _choose_options(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--count", type=int, required=True, metavar="N", help="how many lamps")
+    p.add_argument(
+        "--labels", type=Path, metavar="PNG", help="classes to tell apart; without, what explains the rest"
+    )
+
+
+def _choose(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.choice import choose_by_forest, choose_unsupervised
+
+    series = _read(args)
+    if args.labels is not None:
+        found = choose_by_forest(series, read_labels(args.labels, series.shape), args.count)
+    else:
+        found = choose_unsupervised(series, args.count)
+    w = series.directions[found.lamps]
+    return {
+        "score": "accuracy on unseen samples" if args.labels else "share of variance explained",
+        "lamps": [
+            {
+                "image": series.names[k],
+                "azimuth_deg": float(np.degrees(np.arctan2(v[1], v[0])) % 360),
+                "polar_deg": float(np.degrees(np.arccos(np.clip(v[2], -1, 1)))),
+                "score_so_far": float(s),
+            }
+            for k, v, s in zip(found.lamps, w, found.score, strict=True)
+        ],
+    }
+
+
+def _fuse_options(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--smoothness", type=float, default=1.0, help="0: each pixel's best lamp; large: one for all"
+    )
+    p.add_argument("--window", type=float, default=2.0, metavar="PX", help="of the local contrast")
+
+
+def _fuse(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.fusion import fuse, local_contrast
+
+    if args.smoothness < 0 or args.window <= 0:
+        raise BrightfieldError("--smoothness must be 0 or more, --window greater than 0.")
+    series = _read(args)
+    found = fuse(series, args.smoothness, args.window)
+    write_map(args.out / "fused.exr", found.image)
+    write_picture(args.out / "fused.png", found.image)
+    w = series.directions[found.lamp]
+    write_colors(args.out / "directions.png", 0.5 + 0.5 * w)
+    single = local_contrast(series, args.window)[found.best_single]
+    return {
+        "best_single_image": series.names[found.best_single],
+        "mean_contrast_of_best_single": float(single.mean()),
+        "mean_contrast_of_places_chosen": float(found.contrast.mean()),
+        "lamps_used": len(np.unique(found.lamp)),
+    }
+
+
+def _lights_options(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--radius", type=float, required=True, metavar="MM", help="of the mirror sphere")
+    p.add_argument("--mask", type=Path, required=True, metavar="PNG", help="255 on the sphere, 0 beside it")
+    p.add_argument("--plane", type=float, default=0.0, metavar="MM", help="height z that the sphere lies on")
+
+
+def _lights(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.mirror_sphere import highlights, lights_of_sphere, outline_of, sphere_of_outline
     from interchange.formats import images
 
-    images.write(path, (255 * mask).astype(np.uint8))
-
-
-def _map(path: Path, values: np.ndarray) -> None:
-    """(H, W) or (H, W, 3) as EXR."""
-    from interchange.formats import exr
-    from interchange.image import Image
-
-    values = np.asarray(values, np.float32)
-    exr.write(path, Image(values[..., None] if values.ndim == 2 else values))
-
-
-def _picture(path: Path, values: np.ndarray) -> None:
-    """(H, W) stretched between its 0.5th and 99.5th percentile, for looking at."""
-    from interchange.formats import images
-
-    low, high = np.nanpercentile(values, [0.5, 99.5])
-    shown = np.clip((values - low) / max(high - low, 1e-12), 0, 1)
-    images.write(path, np.rint(255 * np.nan_to_num(shown)).astype(np.uint8))
-
-
-# red, blue, green, turquoise as in the chapter's Fig. 10, then others
-COLORS = np.array(
-    [
-        [214, 60, 50],
-        [60, 90, 210],
-        [70, 170, 80],
-        [64, 200, 200],
-        [230, 170, 50],
-        [150, 80, 180],
-        [120, 120, 120],
-    ]
-)
-
-
-def _labelled(out: Path, labels: np.ndarray) -> None:
-    """labels.png: class numbers from 0, 255 for none; classes.png: in colours."""
-    from interchange.formats import images
-
-    images.write(out / "labels.png", np.where(labels < 0, 255, labels).astype(np.uint8))
-    colors = np.where((labels < 0)[..., None], 0, COLORS[np.maximum(labels, 0) % len(COLORS)])
-    images.write(out / "classes.png", colors.astype(np.uint8))
-
-
-def _labels(path: Path, shape: tuple[int, int]) -> np.ndarray:
-    """(H, W) int of an image of class numbers; 255 is -1, no class."""
-    from interchange.formats import images
-
-    labels = images.read(path)[..., 0].astype(np.int64)
-    if labels.shape != shape:
-        raise BrightfieldError(
-            f"Labels must have the images' size, {shape[1]} x {shape[0]} px; got {labels.shape[1]} x "
-            f"{labels.shape[0]} px. ({path})"
-        )
-    return np.where(labels == 255, -1, labels)
+    args.skip_registration = True  # a highlight wanders over the sphere
+    series = _read(args)
+    if series.camera is None:
+        raise BrightfieldError("Directions from a mirror sphere need the camera of the series.")
+    mask = images.read(args.mask)[..., 0].astype(np.float64)
+    mask = mask / max(float(mask.max()), 1.0)
+    sphere = sphere_of_outline(series.camera, outline_of(mask), args.radius * 1e-3, args.plane * 1e-3)
+    seen = lights_of_sphere(series.camera, sphere, highlights(series.grey, mask > 0.5))
+    turned = np.degrees(np.arccos(np.clip(np.sum(seen.wi * series.directions, axis=1), -1, 1)))
+    return {
+        "center_mm": (sphere.center * 1e3).tolist(),
+        "median_change_deg": float(np.median(turned)),
+        "images": [
+            {"image": name, "direction": w.tolist(), "highlight_px": p.tolist()}
+            for name, w, p in zip(series.names, seen.wi, seen.pixels, strict=True)
+        ],
+    }
 
 
 ACTIONS = {
     "capture": Action("render a series of a scene, one lamp after the other", _capture_options, _capture),
     "anomalies": Action("find defects: pixels unlike the others (RX)", _anomaly_options, _anomalies),
     "cluster": Action("tell materials apart without labels (k-means)", _cluster_options, _cluster),
+    "classify": Action("tell materials apart by examples (SVM)", _classify_options, _classify),
+    "normals": Action("normals, albedo and heights (photometric stereo)", _normal_options, _normals),
+    "choose": Action("the few lamps that say nearly as much as all", _choose_options, _choose),
+    "fuse": Action("one image of best contrast", _fuse_options, _fuse),
+    "lights": Action("directions to the lamps from images of a mirror sphere", _lights_options, _lights),
 }
