@@ -15,6 +15,7 @@ from interchange.table import Table
 from realtime import polytope
 from realtime.lamps import Sample
 from realtime.materials import MaterialTable
+from realtime.split import Split
 from realtime.uploads import VERTEX_FORMAT, VERTEX_NAMES, Geometry, Uploads
 
 INSTANCE_FORMAT = "4f 4f 4f 3f 3f 3f 1f /i"
@@ -33,24 +34,39 @@ class Group:
     members: list[int]
     instances: moderngl.Buffer
     content: bytes = b""
-    arrays: dict[int, moderngl.VertexArray] = field(default_factory=dict)  # by program
+    arrays: dict[tuple[int, int], moderngl.VertexArray] = field(default_factory=dict)  # by program, indices
 
     @property
     def lets_light_through(self) -> bool:
         m = self.material
         return m.opacity < 1 or m.opacity_map is not None
 
-    def render(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        key = program.glo
+    def render(
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        split: Split | None = None,
+        patches: bool = False,
+    ) -> None:
+        """``split``: only its faces that stay whole, or those to be split, as ``patches``."""
+        geometry = self.geometry
+        vertices, indices = geometry.vertices, geometry.indices
+        if split is not None:
+            chosen = split.patches if patches else split.whole
+            if chosen is None:
+                return
+            vertices, indices = (split.vertices or vertices) if patches else vertices, chosen
+        key = (program.glo, indices.glo)
         if key not in self.arrays:
             content = [
-                (self.geometry.vertices, VERTEX_FORMAT, *VERTEX_NAMES),
+                (vertices, VERTEX_FORMAT, *VERTEX_NAMES),
                 (self.instances, INSTANCE_FORMAT, *INSTANCE_NAMES),
             ]
-            self.arrays[key] = context.vertex_array(
-                program, content, index_buffer=self.geometry.indices, skip_errors=True
-            )
-        self.arrays[key].render(instances=len(self.members))
+            self.arrays[key] = context.vertex_array(program, content, index_buffer=indices, skip_errors=True)
+        if patches:
+            context.patch_vertices = 3
+        mode = moderngl.PATCHES if patches else moderngl.TRIANGLES
+        self.arrays[key].render(mode, instances=len(self.members))
 
     def release(self) -> None:
         for array in self.arrays.values():
@@ -68,6 +84,10 @@ class Bodies:
         self.centres = np.zeros((0, 3))  # world, of each body's bounding sphere
         self.radii = np.zeros(0)
         self.corners = np.zeros((0, 8, 3))  # world, of each body's own box
+        self.boxes = np.zeros((0, 2, 3))  # world, along its axes; NaN without a surface
+        self.scales = np.zeros(
+            (0, 2)
+        )  # by how much each body's transform stretches lengths at least and at most
         self.flat: list[int] = []  # bodies that lie in a plane
         self.shape = 0  # counts changes of what casts shadows
         self.lookup: moderngl.Texture | None = None  # by body: row and group of its material
@@ -104,6 +124,9 @@ class Bodies:
             boxes[i] = middle - half, middle + half
             self.corners[i] = np.concatenate(polytope.box(np.stack([low, high]))[:2]) @ M[:3, :3].T + M[:3, 3]
         self.centres, self.radii = boxes.mean(axis=1), np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1) / 2
+        self.boxes = boxes
+        linear = np.array([b.world_from_body[:3, :3] for b in bodies]).reshape(-1, 3, 3)
+        self.scales = np.linalg.svd(linear, compute_uv=False)[:, [2, 0]]
         full = boxes[np.isfinite(boxes).all(axis=(1, 2))]
         thin = [
             i
@@ -186,6 +209,19 @@ class Bodies:
         distance = (self.centres - self.origin) @ planes[:, :3].T + planes[:, 3]
         inside = (distance >= -self.radii[:, None] * 1.0001).all(axis=1)
         return [bool(inside[g.members].any()) for g in self.groups]
+
+    def nearest(self, eye: np.ndarray) -> np.ndarray:
+        """(B,) m: how near each body's surface is to the eye (relative to ``origin``) at least; NaN without one."""
+        found = polytope.distance(self.boxes - self.origin, eye)
+        for group in self.groups:
+            for i in group.members:
+                if found[i] < self.radii[i]:
+                    M = self.bodies[i].world_from_body
+                    if self.scales[i, 0] > 0:
+                        own = np.linalg.solve(M[:3, :3], eye + self.origin - M[:3, 3])
+                        least = polytope.distance(group.geometry.boxes, own).min()
+                        found[i] = max(found[i], self.scales[i, 0] * least)
+        return found
 
     def casting(self, sample: Sample) -> np.ndarray:
         """(B,) whether a body may cast a shadow of this lamp on another, or on itself: all but those that lie in a

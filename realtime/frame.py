@@ -7,14 +7,16 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.scene import Scene
 from realtime import lamps, polytope, sampling
+from realtime.bend import Bend, bend
 from realtime.gbuffer import GBuffer
+from realtime.layers import Lit, Pass, chunks
 from realtime.lens import lensmap
-from realtime.lighting import Lit, Pass, chunks
 from realtime.passes import Centre, centre, motion
 from realtime.schedule import schedule
 from realtime.shadow_fit import Visible
 from realtime.shadow_maps import BUDGET
 from realtime.stages import Stages
+from realtime.through import LIVE, STILL, Through
 from realtime.view import has_depth_of_field, view
 
 LEAST, MOST, FINEST = 512, 2048, 4096  # texels along a side of a shadow map that is fitted to the image
@@ -42,14 +44,16 @@ class Frame:
         self.lensmap = lensmap(camera)
         self.blurred = has_depth_of_field(camera)
         self.plan = schedule(samples, any(map(lamps.is_extended, self.lights)), self.blurred)
+        self.origin = stages.bodies.origin
+        self.tolerance = LIVE if samples <= LIVE_SAMPLES else STILL
+        self.bend = self._bend()
         self.once = (
             once
             and self.plan.grid == 2
-            and self.lensmap is None
+            and (self.lensmap is None or self.bend is not None)
             and not stages.table.textured
             and not any(light.visible for light in scene.lights)
         )
-        self.origin = stages.bodies.origin
         self.side = shadow_side or fitted_side(max(self.size), samples > LIVE_SAMPLES, len(self.lights))
         self.visible = self._visible()
         rounds = self.plan.passes * self.plan.rounds
@@ -70,7 +74,7 @@ class Frame:
         shifts = sampling.shuffled(sampling.square(plan.passes), 1) - 0.5
         weight = 1.0 / (plan.passes * (1 if self.once else plan.grid**2))
         for k in range(plan.passes):
-            drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k])
+            drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k], self.bend)
             self._begin(drawn, k)
             self._own_light()
             if alone:
@@ -89,7 +93,7 @@ class Frame:
     def _only_pass(self) -> np.ndarray:
         """The image of a single pass whose samples are pixels, without a sum."""
         lighting = self.stages.lighting
-        self._begin(self._pass(self.plan.grid, MIDDLE, MIDDLE), 0)
+        self._begin(self._pass(self.plan.grid, MIDDLE, MIDDLE, bend=self.bend), 0)
         self._own_light()
         for chunk in chunks(list(self._points_of_pass(0)), False):
             self._light(chunk, 0)
@@ -155,19 +159,37 @@ class Frame:
         maps = [self.stages.shadows.draw(p.frusta, self.side, p.sample, index) for p in chunk if p.frusta]
         self.stages.lighting.add(chunk, maps, lit)
 
-    def _pass(self, grid: int, jitter: np.ndarray, spot: np.ndarray, shift: np.ndarray = MIDDLE) -> Pass:
-        lens = self.camera.lens
-        bounds = self.stages.bodies.bounds
-        seen = view(self.camera, self.origin, bounds, grid, jitter, spot, self.lensmap, shift)
+    def _pass(
+        self,
+        grid: int,
+        jitter: np.ndarray,
+        spot: np.ndarray,
+        shift: np.ndarray = MIDDLE,
+        bend: Bend | None = None,
+    ) -> Pass:
+        lens, bodies = self.camera.lens, self.stages.bodies
+        how = self.camera, self.origin, bodies.bounds, grid, jitter, spot, self.lensmap, shift
+        seen = view(*how)
         aperture = (
             spot * lens.focal_length / (2 * lens.f_stop * lens.focus_distance) if self.blurred else MIDDLE
         )
-        return Pass(seen, grid, jitter, aperture, self.lensmap)
+        if bend is None:
+            return Pass(seen, grid, jitter, aperture, self.lensmap)
+        window = view(*how, through=True)
+        through = Through(bend, bodies, window, seen.clip_from_world, aperture, self.tolerance)
+        return Pass(window, grid, jitter, aperture, self.lensmap, through)
+
+    def _bend(self) -> Bend | None:
+        """The lens, if the bodies can be drawn through it."""
+        found = bend(self.camera, self.lensmap) if self.lensmap is not None else None
+        if found is None:
+            return None
+        through = self._pass(1, MIDDLE, MIDDLE, bend=found).through
+        return found if through is not None and through.feasible else None
 
     def _gbuffer(self, drawn: Pass, index: int, threshold: float = 0.0) -> GBuffer:
-        return self.stages.gbuffer.draw(
-            drawn.view, drawn.lensmap is not None, index, threshold, marked=threshold > 0 or not self.once
-        )
+        marked = threshold > 0 or not self.once
+        return self.stages.gbuffer.draw(drawn.view, drawn.looked_up, index, threshold, marked, drawn.through)
 
     def _points_of_pass(self, k: int) -> Iterator[Lit]:
         for points in self.points:

@@ -6,13 +6,16 @@ import moderngl
 import numpy as np
 
 from realtime import stencil
+from realtime.bend import RINGS
 from realtime.bodies import Bodies, Group
 from realtime.context import clear_color, clear_depth, clear_depth_and_stencil, depth_texture
 from realtime.programs import Programs, defines, put, text, texture_uniforms
 from realtime.shadow_maps import bind, set_opacity
+from realtime.through import LEVELS, Through
 from realtime.uploads import Uploads
 from realtime.view import View
 
+SPLITTING = {"RINGS": RINGS, "LEVELS": f"{LEVELS:.1f}"}
 NOTHING = -1.0  # the body's number where no surface is
 
 
@@ -83,10 +86,16 @@ class GBufferStage:
         self._buffer: GBuffer | None = None
 
     def draw(
-        self, view: View, slopes: bool, index: int, threshold: float = 0.0, marked: bool = True
+        self,
+        view: View,
+        slopes: bool,
+        index: int,
+        threshold: float = 0.0,
+        marked: bool = True,
+        through: Through | None = None,
     ) -> GBuffer:
         """Draw the bodies. ``index``: the sample's number, by which surfaces let rays through; ``threshold`` > 0
-        makes that a cut-out instead. ``marked``: with the material groups in a stencil."""
+        makes that a cut-out instead. ``marked``: with the material groups in a stencil. ``through``: the lens."""
         uv = self.bodies.table.textured
         buffer = self._fitting(view.size, Kind(self.bodies.table.turns, uv, slopes, marked))
         context = self.context
@@ -94,7 +103,7 @@ class GBufferStage:
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = ">"
         buffer.clear()
-        matrix = view.clip_from_world
+        matrix = view.clip_from_world if through is None else through.wide
         eye_z = view.eye_from_world[2]
         for group, seen in zip(self.bodies.groups, self.bodies.visible(matrix), strict=True):
             if not seen:
@@ -105,19 +114,22 @@ class GBufferStage:
                 context.front_face = "ccw" if group.mirrored else "cw"
             else:
                 context.disable(moderngl.CULL_FACE)
-            program = self._program(group, view.telecentric, uv, slopes)
-            put(
-                program,
-                clip_from_world=tuple(matrix.T.ravel()),
-                eye_z=tuple(eye_z),
-            )
-            if group.material.normal_map is not None:
-                bind(program, "normal_map", self.uploads, group.material.normal_map, 14)
-            if group.lets_light_through:
-                set_opacity(program, group, self.uploads, index, threshold)
             if marked:
                 stencil.write(min(self.bodies.table.place[id(group.material)][1] + 1, 255))
-            group.render(context, program)
+            split = None if through is None else through.split(group)
+            for patches in (False, True) if split is not None else (False,):
+                program = self._program(group, view.telecentric, uv, slopes, through, patches)
+                if through is None:
+                    put(program, clip_from_world=tuple(matrix.T.ravel()), eye_z=tuple(eye_z))
+                else:
+                    put(program, **through.uniforms)
+                if patches and through is not None:
+                    put(program, **through.split_uniforms(group))
+                if group.material.normal_map is not None:
+                    bind(program, "normal_map", self.uploads, group.material.normal_map, 14)
+                if group.lets_light_through:
+                    set_opacity(program, group, self.uploads, index, threshold)
+                group.render(context, program, split, patches)
         stencil.off()
         context.disable(moderngl.CULL_FACE)
         return buffer
@@ -129,7 +141,15 @@ class GBufferStage:
         )
         return bool((np.abs(z - view.near) < self.bodies.radii[group.members]).any())
 
-    def _program(self, group: Group, telecentric: bool, uv: bool, slopes: bool) -> moderngl.Program:
+    def _program(
+        self,
+        group: Group,
+        telecentric: bool,
+        uv: bool,
+        slopes: bool,
+        through: Through | None,
+        patches: bool,
+    ) -> moderngl.Program:
         material = group.material
         holes = group.lets_light_through
         turns = self.bodies.table.turns or material.normal_map is not None
@@ -143,16 +163,26 @@ class GBufferStage:
                 "NORMAL_MAP": material.normal_map is not None,
                 "OPACITY": holes,
                 "OPACITY_MAP": holes and material.opacity_map is not None,
+                "SPLIT": patches,
+                **(SPLITTING | through.bend.defines if through is not None else {}),
             }
         )
+        last = [text("distort.glsl")] if through is not None else []
+        last.append(text("gbuffer_project.glsl"))
+        first = text("gbuffer_corners.glsl") if patches else "\n".join(last)
+        tessellation = [
+            "\n".join([head, text("gbuffer_tess_control.glsl")]),
+            "\n".join([head, *last, text("gbuffer_tess_evaluation.glsl")]),
+        ]
         maps = "".join(
             texture_uniforms(name)
             for name, there in (("normal_map", material.normal_map), ("opacity_map", material.opacity_map))
             if there is not None
         )
         return self.programs.get(
-            [head, text("gbuffer_vertex.glsl")],
+            [head, first, text("gbuffer_vertex.glsl")],
             [head, text("common.glsl"), maps, text("gbuffer_fragment.glsl")],
+            tessellation=tessellation if patches else (),
         )
 
     def _fitting(self, size: tuple[int, int], kind: Kind) -> GBuffer:

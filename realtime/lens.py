@@ -6,7 +6,7 @@ plane is intersected exactly. The rays are exact at the pixels' corners and bili
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -27,6 +27,16 @@ class Lensmap:
     focal: np.ndarray
     centre: np.ndarray
     size: tuple[int, int]
+
+    @cached_property
+    def widest(self) -> float:
+        """The greatest |d| that is seen."""
+        return float(np.sqrt(np.nanmax((self.d.astype(np.float64) ** 2).sum(axis=-1))))
+
+    @cached_property
+    def blind(self) -> bool:
+        """Whether the lens sees nothing at some pixel's corner."""
+        return not bool(np.isfinite(self.d).all())
 
 
 def lensmap(camera: Camera) -> Lensmap | None:

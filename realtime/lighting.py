@@ -1,6 +1,5 @@
 """The second stage: the light that leaves each surface towards the eye, lamp by lamp, added up over the passes."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,90 +11,14 @@ from realtime import materials, stencil, visible_lamps
 from realtime.bodies import Bodies
 from realtime.context import depth_texture
 from realtime.gbuffer import GBuffer
-from realtime.lamps import MAPS, POWER, Sample, beam, is_shaped, rows
+from realtime.layers import ALIKE, AMONG, Layer, Lit, Pass
 from realtime.lens import Lensmap
-from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
-from realtime.shadow_fit import Frustum
+from realtime.shading import MAP_UNIT, PROFILE_UNIT, SHADOW_UNIT, UNITS, Shading
 from realtime.shadow_maps import bind
 from realtime.tiles import Tiles
 from realtime.tiles import bits as tile_bits
 from realtime.uploads import Uploads
-from realtime.view import View
-
-CHUNK = 4  # lamps a draw
-VECTORS = 31  # that a vertex shader may pass on
-# depth of a pixel whose samples are lit one by one: if they are of one group more than its own, else
-ALIKE, AMONG = 0.25, 0.75
-UNITS = {
-    "g_surface": 0,
-    "g_facet": 1,
-    "g_coordinates": 2,
-    "g_slopes": 3,
-    "lens": 4,
-    "materials": 5,
-    "bodies": 6,
-    "tiles": 15,
-    "samples": 0,
-}
-SHADOW_UNIT, PROFILE_UNIT, MAP_UNIT = 7, 11, 16
-
-
-Signature = tuple[str, bool, bool, str, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Lit:
-    """A lamp's point, ready for the shader: its record (rows, 4), and the frusta of its shadow map, if it casts any."""
-
-    sample: Sample
-    record: np.ndarray
-    frusta: list[Frustum | None]
-
-    @property
-    def signature(self) -> Signature:
-        """Points of one signature are lit by one program: mode, shaped, focused, beam, shadow maps."""
-        light = self.sample.light
-        return (
-            self.sample.mode,
-            is_shaped(light),
-            light.focus != 0,
-            beam(light),
-            len(self.frusta),
-        )
-
-    def scaled(self, share: float) -> "Lit":
-        record = self.record.copy()
-        record[POWER, :3] *= share
-        return Lit(self.sample, record, self.frusta)
-
-
-@dataclass(frozen=True, eq=False)
-class Pass:
-    """One pass over the image: ``grid``² samples a pixel; ``aperture``: the eye's shift over the distance in focus."""
-
-    view: View
-    grid: int
-    jitter: np.ndarray
-    aperture: np.ndarray
-    lensmap: Lensmap | None
-
-
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """What is lit together: all samples of a pass, or, with ``base``, the 2 x 2 of each mixed pixel: ALIKE or AMONG."""
-
-    buffer: GBuffer
-    drawn: Pass
-    base: float = 0.0
-
-    @property
-    def pick(self) -> bool:
-        return self.base > 0
-
-    def depth(self, number: int) -> float:
-        """By which the samples of material group ``number`` are told apart: exact in 32 bits."""
-        return AMONG if self.base == AMONG else self.base + (number + 1) / 65536
 
 
 @dataclass(eq=False)
@@ -125,11 +48,10 @@ class LightingStage:
         self.context, self.uploads, self.programs, self.bodies = context, uploads, programs, bodies
         self.table = bodies.table
         self._arrays: dict[int, moderngl.VertexArray] = {}
-        self._by_key: dict[tuple[object, ...], moderngl.Program] = {}
         self._records = context.buffer(reserve=65536)
         self._lens: tuple[Lensmap, moderngl.Texture] | None = None
         self._kept: Samples | None = None
-        self._vectors = min(VECTORS, int(context.info["GL_MAX_VARYING_VECTORS"]) - 1)
+        self._shading = Shading(context, programs)
         self.tiles = Tiles(context, programs)
         self._tiled = False
 
@@ -142,7 +64,7 @@ class LightingStage:
             height, width = drawn.lensmap.d.shape[:2]
             size = ((width - 1) * drawn.grid, (height - 1) * drawn.grid)
             self._lens_texture(drawn.lensmap).use(UNITS["lens"])
-        sorts = drawn.lensmap is not None or len(self.table.groups) > stencil.MOST_GROUPS
+        sorts = drawn.looked_up or len(self.table.groups) > stencil.MOST_GROUPS
         self._samples = self._fitting(size, None if sorts else buffer.depth, sorts)
         for unit, texture in enumerate(buffer.textures):
             texture.use(unit)
@@ -157,7 +79,7 @@ class LightingStage:
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = "1"
-        head = defines({"LENS": drawn.lensmap is not None})
+        head = defines(drawn.defines)
         program = self.programs.get(
             [text("screen_vertex.glsl")], [head, text("locate.glsl"), text("sort_fragment.glsl")]
         )
@@ -193,7 +115,7 @@ class LightingStage:
             context.disable(moderngl.DEPTH_TEST)
             stencil.write(0)
         for light in seen:
-            program = self.programs.get(*visible_lamps.sources(light, drawn.view, drawn.lensmap is not None))
+            program = self.programs.get(*visible_lamps.sources(light, drawn.view, drawn.defines))
             put(program, **UNITS)
             put(program, world_from_eye=tuple(drawn.view.world_from_eye.T.ravel()))
             visible_lamps.fill(program, light, origin, self.uploads, self._records)
@@ -228,7 +150,7 @@ class LightingStage:
         for unit, texture in enumerate(layer.buffer.textures):
             texture.use(unit)
         for number, group in enumerate(self.table.groups[:1] if lit else self.table.groups):
-            program = self._program(layer, group, chunk, lit)
+            program = self._shading.program(layer, group, chunk, lit, self._tiled)
             world_from_eye = tuple(layer.drawn.view.world_from_eye.T.ravel())
             put(program, world_from_eye=world_from_eye, emitting=float(not chunk), group=float(number))
             if layer.pick:
@@ -314,108 +236,6 @@ class LightingStage:
             if (shown := point.sample.light.beam) is not None:
                 self.uploads.beam(shown).texture.use(PROFILE_UNIT + i)
 
-    def _program(self, layer: Layer, group: Group, chunk: list[Lit], lit: bool) -> moderngl.Program:
-        buffer, drawn, pick = layer.buffer, layer.drawn, layer.pick
-        signature = chunk[0].signature if chunk else ("NONE", False, False, "", 0)
-        uv, telecentric = buffer.coordinates is not None, drawn.view.telecentric
-        key = (
-            lit or group.key,
-            signature,
-            len(chunk),
-            uv,
-            telecentric,
-            drawn.lensmap is not None,
-            pick,
-            self._tiled,
-        )
-        if key not in self._by_key:
-            self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit, pick)
-        return self._by_key[key]
-
-    def _compose(
-        self,
-        group: Group,
-        signature: Signature,
-        count: int,
-        uv: bool,
-        drawn: Pass,
-        lit: bool,
-        pick: bool,
-    ) -> moderngl.Program:
-        mode, shaped, focused, by_direction, faces = signature
-        fragment = bool(group.material and group.material.glsl)
-        head = defines(
-            {
-                f"MODE_{mode}": True,
-                "HOLDS": True,
-                "LIGHTS": None if count else 0,
-                "ALL_LAMPS": " ".join(f"total += lamp({k}, x, values);" for k in range(count)),
-                "MAPS": MAPS,
-                "FACES": faces or None,
-                "SHAPED": shaped,
-                "FOCUSED": focused,
-                "PROFILED": bool(by_direction),
-                "PROJECTED": by_direction == "PROJECTED",
-                "ISOTROPIC": group.isotropic,
-                "ALONE": group.alone,
-                "TELECENTRIC": drawn.view.telecentric,
-                "UV": uv,
-                "LENS": drawn.lensmap is not None,
-                "LIT": lit,
-                "PICK": pick,
-                "FRAGMENT": fragment,
-                "PARAMETERS": max(len(group.brdf.flat()), 1),
-            }
-        )
-        declared = "uniform sampler2D materials;\n"
-        lights, passed = "", ""
-        if count:
-            stride = MAPS + 8 * faces
-            read = rows(*signature)
-            held = min(count, (self._vectors - 4) // len(read))
-            passed = defines(
-                {
-                    "LIGHTS": count,
-                    "STRIDE": stride,
-                    "HELD": held,
-                    "ROWS": len(read),
-                    "ROW_OF_SLOT": ", ".join(map(str, read)),
-                    "SLOTS": stride,
-                    "SLOT_OF_ROW": ", ".join(str(read.index(i) if i in read else 0) for i in range(stride)),
-                }
-            )
-            head += passed
-            declared += "layout(std140) uniform Lights { vec4 lights[LIGHTS * STRIDE]; };\n"
-            declared += "uniform sampler2D shadow_map[LIGHTS];\n" if faces else ""
-            declared += beam_source(by_direction)
-            lights = text("lights.glsl")
-        model = "" if lit else materials.source(group)
-        about = f"of material {str(group.material.where) or group.material.name}" if group.material else ""
-        program = self.programs.get(
-            [
-                "#define HOLDS\n",
-                passed,
-                text("held_vertex.glsl"),
-                text("tile_vertex.glsl" if self._tiled else "screen_vertex.glsl"),
-            ],
-            [
-                head,
-                text("common.glsl"),
-                text("locate.glsl"),
-                declared,
-                model,
-                lights,
-                text("lighting_fragment.glsl"),
-            ],
-            about,
-        )
-        put(program, **UNITS)
-        if faces:
-            put(program, shadow_map=_units(SHADOW_UNIT, count))
-        if by_direction:
-            put(program, profile=_units(PROFILE_UNIT, count))
-        return program
-
     def _lens_texture(self, lensmap: Lensmap) -> moderngl.Texture:
         if self._lens is None or self._lens[0] is not lensmap:
             if self._lens is not None:
@@ -436,26 +256,3 @@ class LightingStage:
         if self._kept is not None:
             self._kept.release()
         self.tiles.release()
-
-
-def beam_source(beam: str) -> str:
-    """The text that reads a lamp's profile or projected image."""
-    if not beam:
-        return ""
-    return "uniform sampler2D profile[LIGHTS];\n" + text(
-        "projector.glsl" if beam == "PROJECTED" else "profile.glsl"
-    )
-
-
-def _units(first: int, count: int) -> object:
-    return first if count == 1 else tuple(range(first, first + count))
-
-
-def chunks(points: list[Lit], apart: bool) -> Iterator[list[Lit]]:
-    """Points of one signature, at most CHUNK at a time; ``apart``: of one lamp only."""
-    alike: dict[tuple[object, ...], list[Lit]] = {}
-    for point in points:
-        alike.setdefault((point.signature, id(point.sample.light) if apart else 0), []).append(point)
-    for group in alike.values():
-        for i in range(0, len(group), CHUNK):
-            yield group[i : i + CHUNK]

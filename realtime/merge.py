@@ -9,13 +9,13 @@ a pixel, the horizon of a facet.
 from dataclasses import replace
 
 import moderngl
-import numpy as np
 
 from realtime.bodies import Bodies
 from realtime.context import clear_depth
 from realtime.gbuffer import GBuffer, Kind, create
-from realtime.lighting import ALIKE, AMONG, UNITS, Pass
+from realtime.layers import ALIKE, AMONG, Pass
 from realtime.programs import Programs, defines, put, text
+from realtime.shading import UNITS
 
 
 class MergeStage:
@@ -49,7 +49,7 @@ class MergeStage:
         context.disable(moderngl.DEPTH_TEST)
         seen = drawn.view
         view = replace(seen, focal=seen.focal / 2, centre=seen.centre / 2, size=merged.size)
-        return merged, replace(drawn, view=view, grid=1, jitter=np.zeros(2))
+        return merged, replace(drawn, view=view, grid=1)
 
     def _fitting(self, size: tuple[int, int]) -> GBuffer:
         kind = Kind(self.bodies.table.turns, uv=False, slopes=False, stencil=False)

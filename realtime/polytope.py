@@ -57,3 +57,9 @@ def _around(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     v = cross(normal, u)
     off = points - points.mean(axis=0)
     return points[np.argsort(np.arctan2(off @ v, off @ u))]
+
+
+def distance(boxes: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(N,) of a point from boxes (N, 2, 3) along the axes; 0 inside."""
+    off = np.maximum(np.maximum(boxes[:, 0] - point, point - boxes[:, 1]), 0)
+    return np.asarray(np.linalg.norm(off, axis=1))

@@ -36,14 +36,27 @@ class Programs:
 
     def __init__(self, context: moderngl.Context) -> None:
         self.context = context
-        self._compiled: dict[tuple[str, str], moderngl.Program] = {}
+        self._compiled: dict[tuple[str, ...], moderngl.Program] = {}
 
-    def get(self, vertex: Sequence[str], fragment: Sequence[str], about: str = "") -> moderngl.Program:
-        """The program of these sources. BrightfieldError with the compiler's words; ``about``: whose text."""
-        key = ("\n".join(vertex), "\n".join(fragment))
+    def get(
+        self,
+        vertex: Sequence[str],
+        fragment: Sequence[str],
+        about: str = "",
+        tessellation: Sequence[str] = (),
+    ) -> moderngl.Program:
+        """The program of these sources; ``tessellation``: of the control and the evaluation shader. BrightfieldError
+        with the compiler's words; ``about``: whose text."""
+        key = ("\n".join(vertex), "\n".join(fragment), *tessellation)
         if key not in self._compiled:
+            stages = [HEADER + source for source in key]
             try:
-                self._compiled[key] = self.context.program(HEADER + key[0], HEADER + key[1])
+                self._compiled[key] = self.context.program(
+                    vertex_shader=stages[0],
+                    fragment_shader=stages[1],
+                    tess_control_shader=stages[2] if tessellation else None,
+                    tess_evaluation_shader=stages[3] if tessellation else None,
+                )
             except moderngl.Error as error:
                 message = " ".join(str(error).split())
                 raise BrightfieldError(

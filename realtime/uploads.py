@@ -5,7 +5,8 @@ and releases what the latest scenes no longer name.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import moderngl
@@ -17,9 +18,11 @@ from interchange.mesh import Mesh
 from interchange.projector import Projector
 from interchange.table import Table
 from realtime.closed import is_closed
+from realtime.split import Split, longest_edges, parts, split
 
 VERTEX_FORMAT = "3f 3f 4f 2f"
 VERTEX_NAMES = ("position", "normal", "tangent", "uv")
+MOST_BOXES = 4096  # of a mesh, by which its distance is found
 CULL_FROM = 2000  # faces from which it pays to find out whether a mesh is closed
 
 
@@ -32,10 +35,42 @@ class Geometry:
     indices: moderngl.Buffer
     closed: bool
     bounds: np.ndarray  # (2, 3), body frame
+    splits: dict[tuple[int, int], Split] = field(default_factory=dict)  # by faces to be split, parts
+
+    @cached_property
+    def longest(self) -> np.ndarray:
+        """(F,) m: each face's longest edge."""
+        return longest_edges(self.mesh.vertices, self.mesh.faces)
+
+    @cached_property
+    def boxes(self) -> np.ndarray:
+        """(N, 2, 3), body frame: of runs of faces."""
+        starts = np.arange(0, len(self.mesh.faces), -(-len(self.mesh.faces) // MOST_BOXES) or 1)
+        corners = self.mesh.vertices[self.mesh.faces]
+        low = np.minimum.reduceat(corners.min(axis=1), starts)
+        return np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1)
+
+    def parts(self, length: float, patch: float) -> int:
+        """realtime.split.parts of the faces."""
+        return parts(self.longest, length, patch)
+
+    def split(self, context: moderngl.Context, length: float, patch: float) -> Split | None:
+        """The faces by whether their edges are longer than ``length`` (or a little less), m, those cut until no edge is
+        longer than ``patch``; None where none is."""
+        if self.longest.max(initial=0.0) <= length:
+            return None
+        # few lengths, so that a camera that moves finds what was made
+        long = self.longest > 2.0 ** (np.floor(2 * np.log2(length)) / 2)
+        key = int(long.sum()), parts(self.longest, length, patch)
+        if key not in self.splits:
+            self.splits[key] = split(context, vertex_rows(self.mesh), self.mesh.faces, long, key[1])
+        return self.splits[key]
 
     def release(self) -> None:
         self.vertices.release()
         self.indices.release()
+        for made in self.splits.values():
+            made.release()
 
 
 @dataclass(eq=False)
@@ -95,12 +130,7 @@ class Uploads:
         return self._kept[key]
 
     def _upload_mesh(self, mesh: Mesh) -> Geometry:
-        count = len(mesh.vertices)
-        rows = np.zeros((count, 12), np.float32)
-        rows[:, :3], rows[:, 3:6] = mesh.vertices, mesh.normals
-        rows[:, 6:9], rows[:, 9] = mesh.tangents, handedness(mesh)
-        if mesh.uv is not None:
-            rows[:, 10:] = mesh.uv
+        rows = vertex_rows(mesh).astype(np.float32)
         closed = len(mesh.faces) >= CULL_FROM and is_closed(mesh.vertices, mesh.faces)
         faces = np.ascontiguousarray(mesh.faces, np.int32)
         return Geometry(
@@ -108,7 +138,7 @@ class Uploads:
             self.context.buffer(rows.tobytes() or bytes(48)),
             self.context.buffer(faces.tobytes() or bytes(12)),
             closed,
-            mesh.bounds if count else np.zeros((2, 3)),
+            mesh.bounds if len(rows) else np.zeros((2, 3)),
         )
 
     def _upload_texture(self, record: Texture | Table) -> Picture:
@@ -138,6 +168,16 @@ class Uploads:
         texture = self.context.texture((table.shape[1], table.shape[0]), 4, table.tobytes(), dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return Picture(record, texture)
+
+
+def vertex_rows(mesh: Mesh) -> np.ndarray:
+    """(V, 12) float64, in the order of VERTEX_NAMES."""
+    rows = np.zeros((len(mesh.vertices), 12))
+    rows[:, :3], rows[:, 3:6] = mesh.vertices, mesh.normals
+    rows[:, 6:9], rows[:, 9] = mesh.tangents, handedness(mesh)
+    if mesh.uv is not None:
+        rows[:, 10:] = mesh.uv
+    return rows
 
 
 def handedness(mesh: Mesh) -> np.ndarray:

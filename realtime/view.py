@@ -62,12 +62,14 @@ def view(
     aperture: np.ndarray,
     lensmap: Lensmap | None,
     shift: np.ndarray,
+    through: bool = False,
 ) -> View:
     """The view of one pass: ``grid``² texels a pixel, moved by ``jitter`` px, from the spot ``aperture`` of the lens
-    (both (2,); the aperture's unit disk). ``shift``: of a distorting lens's wide view, texels."""
+    (both (2,); the aperture's unit disk). ``shift``: of a distorting lens's wide view, texels. ``through``: the
+    sensor's own window instead, for bodies drawn through the lens; ``focal`` and ``centre`` are then behind it."""
     telecentric = camera.lens.projection is Projection.ORTHOGRAPHIC
     K = camera.K
-    if lensmap is None:
+    if lensmap is None or through:
         width, height = camera.sensor.resolution
         focal = grid * np.array([K[0, 0], K[1, 1]])
         centre = grid * (K[:2, 2] + 0.5 - jitter)
@@ -81,7 +83,8 @@ def view(
     if has_depth_of_field(camera):
         moved = aperture * camera.lens.focal_length / (2 * camera.lens.f_stop)
         pose[:3, 3] += pose[:3, :2] @ moved
-        centre = centre + focal * moved / camera.lens.focus_distance
+        if not through:
+            centre = centre + focal * moved / camera.lens.focus_distance
     near, far = camera.clip
     if telecentric:  # linear depth: no wider than what there is to see
         corners = np.stack(np.meshgrid(*(bounds - origin).T, indexing="ij"), -1).reshape(-1, 3)

@@ -23,8 +23,8 @@ def far_to_near(lights: list[Light], eye: np.ndarray) -> list[Light]:
     return sorted(seen, key=key, reverse=True)
 
 
-def sources(light: Light, view: View, lens: bool) -> tuple[list[str], list[str]]:
-    """The texts of the program that draws a lamp."""
+def sources(light: Light, view: View, lens: dict[str, object]) -> tuple[list[str], list[str]]:
+    """The texts of the program that draws a lamp. ``lens``: the pass's defines."""
     mapped = light.texture is not None and light.kind in (LightKind.RECT, LightKind.DOME)
     kind = light.kind.value.upper()
     head = defines(
@@ -41,7 +41,7 @@ def sources(light: Light, view: View, lens: bool) -> tuple[list[str], list[str]]
             "FOCUSED": light.focus != 0,
             "PROFILED": light.profile is not None,
             "TELECENTRIC": view.telecentric,
-            "LENS": lens,
+            **lens,
             "MODE_POINT": True,
         }
     )

@@ -39,10 +39,9 @@ vec3 from_octahedral(vec2 e)
     return normalize(n);
 }
 
-// The facet's normal in the eye's frame, towards the eye, from the slopes of 1/Z (of Z if telecentric).
-vec3 facet_normal(float q, vec2 slope, vec2 d, vec2 focal)
+// The facet's normal in the eye's frame, towards the eye, from the slopes g of 1/Z (of Z if telecentric) by the ray d.
+vec3 facet_normal(float q, vec2 g, vec2 d)
 {
-    vec2 g = slope * focal;
 #ifdef TELECENTRIC
     return normalize(vec3(g, -1.0));
 #else

@@ -1,26 +1,16 @@
 // Bodies into the view: positions by the body's transform, normals by its inverse transpose.
+// SPLIT: the faces' corners for the tessellator, which projects what it makes of them.
 in vec3 position;
 in vec3 normal;
 #ifdef TANGENT
 in vec4 tangent;  // w: handedness of the texture
-out vec4 t;
 #endif
 #ifdef ST
 in vec2 uv;
-out vec2 st;
 #endif
 in vec4 world_x, world_y, world_z;     // rows of world_from_body
 in vec3 normal_x, normal_y, normal_z;  // rows of its inverse transpose
 in float number;                       // of the body
-
-uniform mat4 clip_from_world;
-#ifdef TELECENTRIC
-uniform vec4 eye_z;  // row of eye_from_world that gives the depth
-out float z;
-#endif
-
-out vec3 n;
-flat out float body;
 
 void main()
 {
@@ -33,9 +23,11 @@ void main()
 #ifdef ST
     st = uv;
 #endif
-#ifdef TELECENTRIC
-    z = dot(eye_z, w);
-#endif
+#ifdef SPLIT
+    world = w.xyz;
+    corner_body = number;
+#else
     body = number;
-    gl_Position = clip_from_world * w;
+    project(w);
+#endif
 }

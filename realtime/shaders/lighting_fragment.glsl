@@ -57,6 +57,9 @@ vec3 lamp(int k, Surface x, float values[PARAMETERS])
 
 vec4 light_of(Sample s)
 {
+#ifdef BLIND
+    s.texel = max(s.texel, ivec2(0));
+#endif
     vec4 met = texelFetch(g_surface, s.texel, 0), slope = texelFetch(g_facet, s.texel, 0);
     float q = met.x + dot(slope.xy, s.off);
 #ifdef TELECENTRIC
@@ -66,7 +69,7 @@ vec4 light_of(Sample s)
 #endif
     vec3 p = to_world(ray) + eye;
     vec3 view = -to_world(eye_ray);
-    vec3 facet = facet_normal(q, slope.xy, s.d, pinhole.xy);
+    vec3 facet = facet_normal(q, by_ray(s, slope.xy), s.d);
     facet = to_world(facet);
     vec3 drawn = from_octahedral(met.yz), tangent, bitangent;
     vec3 normal = dot(drawn, facet) < 0.0 ? -drawn : drawn;
@@ -115,6 +118,9 @@ vec4 light_of(Sample s)
 #endif
     // one call a lamp, written out: a loop would index samplers and records at run time
     ALL_LAMPS
+#ifdef BLIND
+    if (s.texel.x < 0) return vec4(0.0);
+#endif
 #ifdef PICK
     return met.w >= 0.0 && place.y == group ? vec4(0.25 * total, 0.25) : vec4(0.0);
 #else

@@ -52,7 +52,7 @@ def test_map_of_an_exponent(rasterizer, make):
 
 
 def test_texture_under_a_distorting_lens(rasterizer, make):
-    """The coordinates are exact at the pixel's own ray, not at the wide view's texel."""
+    """The coordinates are those of the pixel's own ray, within 0.05 px."""
     texture = Texture(RNG.uniform(0, 1, (16, 16, 1)).astype(np.float32))
     camera = make.pinhole(
         (0.3, -0.2, 1), (0, 0, 0), (96, 72), 0.7, distortion=(-0.3, 0.1, 0.002, -0.001, 0, 0, 0, 0)
@@ -60,8 +60,12 @@ def test_texture_under_a_distorting_lens(rasterizer, make):
     pixels, uv = seen(rasterizer, make, Material("m", Lambert(0.0), emission_map=texture), (), camera)
     hit = np.isfinite(uv[..., 0])
     assert hit.mean() > 0.5
-    error = np.abs(pixels[hit][:, 0] - evaluate_texture(texture, uv[hit])[:, 0])
-    assert np.quantile(error, 0.99) < 1e-3
+    exact = np.where(hit, evaluate_texture(texture, np.nan_to_num(uv))[..., 0], np.nan)
+    step = np.abs(np.diff(exact, axis=0))[:, :-1] + np.abs(np.diff(exact, axis=1))[:-1]  # of a pixel, at most
+    error = np.abs(pixels[..., 0] - exact)[:-1, :-1]
+    inside = np.isfinite(step)
+    # the texture's slope steps at its own texels: a pixel's step next to one tells less than the slope beyond it
+    assert np.quantile((error - 0.05 * step)[inside], 0.99) < 1e-4
 
 
 def test_normal_map(rasterizer, make):
