@@ -108,5 +108,19 @@ class Modal:
         )
 
 
+def meant(operation: str, start: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """The motion (4, 4) of the world between two poses that a gizmo gives in single precision, without what it was
+    not asked for: a move does not turn, a turn does not move or stretch its pivot."""
+    pivot = start[:3, 3]
+    if operation == "move":
+        return shifted(now[:3, 3] - pivot)
+    before = start[:3, :3] / np.linalg.norm(start[:3, :3], axis=0)
+    if operation == "rotate":
+        u, _, vt = np.linalg.svd(now[:3, :3] / np.linalg.norm(now[:3, :3], axis=0) @ before.T)
+        return around(u @ vt, pivot)
+    factors = np.linalg.norm(now[:3, :3], axis=0) / np.linalg.norm(start[:3, :3], axis=0)
+    return around(before @ np.diag(factors) @ np.linalg.inv(before), pivot)
+
+
 def _snapped(value: float, step: float) -> float:
     return round(value / step) * step if step else value

@@ -42,6 +42,7 @@ class App:
         self.shortcuts = keys.shortcuts(self.state, self.viewport, self.tree)
         self.kept_at = time.monotonic()
         self.frames = 0
+        self.drawn = 0  # the number that the toolkit gives the last frame
         self.title = ""
         self.dropped: list[Path] = []
 
@@ -128,7 +129,7 @@ class App:
         io.config_windows_move_from_title_bar_only = True
         io.config_drag_click_to_input_text = False
         glfw.watch(self.dropped.append)
-        self.state.fit(everything=True)
+        self.state.fit()
         if self.state.workspace.autosave is not None:
             left = orphans(self.state.workspace.autosave.folder)
             if left:
@@ -137,6 +138,7 @@ class App:
     def _before(self) -> None:
         state = self.state
         self.frames += 1
+        self.drawn = imgui.get_frame_count()
         for path in self.dropped:
             dialogs.bring_in(state, path)
         self.dropped.clear()

@@ -154,7 +154,8 @@ class CameraView:
             if not again:
                 sharp = used.lens.f_stop > 0 and used.lens.focus_distance > 0
                 samples = (16 if sharp else 4) if quiet else (2 if sharp else 1)
-                self.live = state.renderer.render(state.scene, used, samples=samples, shading="pixel")
+                once = "pixel" if state.scene.bodies else "sample"  # an empty scene has nothing to merge
+                self.live = state.renderer.render(state.scene, used, samples=samples, shading=once)
                 self.seed += 1
             assert self.live is not None
             self.shown = self._exposed(self.live)

@@ -114,7 +114,7 @@ def _here(state: State) -> Path:
 def open_file(state: State) -> None:
     def then(path: Path) -> None:
         state.attempt(state.workspace.open, path)
-        state.fit(everything=True)
+        state.fit()
 
     state.dialog = FileDialog("Open a scene", scene_extensions(), then, folder=_here(state))
 
@@ -129,7 +129,7 @@ def bring_in(state: State, path: Path) -> None:
     """Import; the first thing in an empty scene comes into view."""
     empty = state.workspace.bounds() is None
     if state.do(Import(str(path))) and empty:
-        state.fit(everything=True)
+        state.fit()
 
 
 def save_as(state: State) -> None:
@@ -224,7 +224,7 @@ class Recovery:
         done = False
         if imgui.button("Recover", imgui.ImVec2(110, 0)):
             self.state.attempt(self.state.workspace.recover, self.saved)
-            self.state.fit(everything=True)
+            self.state.fit()
             done = True
         mark("recover")
         imgui.same_line()

@@ -119,7 +119,14 @@ class State:
         self.tell(f"Redone: {title}" if title else "Nothing to redo.")
 
     def fit(self, everything: bool = False) -> None:
-        """The selection, else all, in view."""
-        found = None if everything else self.workspace.bounds(self.workspace.selection)
-        bounds = found if found is not None and self.workspace.selection else self.workspace.bounds()
+        """The selection in view, else all bodies; with lamps and cameras if ``everything``."""
+        workspace = self.workspace
+        bounds = None
+        if everything:
+            near = [x.name for x in workspace.scene.lights if x.kind not in ("distant", "dome")]
+            things = [*(b.name for b in workspace.scene.bodies), *(c.name for c in workspace.scene.cameras)]
+            bounds = workspace.bounds([*things, *near]) if things or near else None
+        elif workspace.selection:
+            bounds = workspace.bounds(workspace.selection)
+        bounds = workspace.bounds() if bounds is None else bounds
         self.orbit = self.orbit.fitted(bounds)

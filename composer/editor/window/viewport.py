@@ -8,7 +8,7 @@ from imgui_bundle import imgui, imguizmo
 
 from composer.editor import glyphs
 from composer.editor.commands import Transform
-from composer.editor.modal import Modal
+from composer.editor.modal import Modal, meant
 from composer.editor.orbit import gl_matrices
 from composer.editor.picking import body_at, line_at
 from composer.editor.solid_look import SolidLook
@@ -60,12 +60,8 @@ class Viewport:
         if self.display is not None and self.display.ready:
             draw.add_image(self.display.texture, corner, end)
         mark_rect("viewport", (corner.x, corner.y, corner.x + width, corner.y + height))
-        imgui.set_cursor_screen_pos(corner)
-        imgui.set_next_item_allow_overlap()
-        imgui.invisible_button(
-            "##viewport", imgui.ImVec2(width, height), imgui.ButtonFlags_.mouse_button_left
-        )
-        self.hovered = imgui.is_item_hovered()
+        imgui.dummy(imgui.ImVec2(width, height))  # ImGuizmo grabs nothing while an item is hovered
+        self.hovered = imgui.is_window_hovered() and not imgui.is_any_item_hovered()
         self._overlay(draw)
         over = self._gizmo()
         if self.modal is not None:
@@ -97,7 +93,8 @@ class Viewport:
         before = state.context.detect_framebuffer()
         began = time.perf_counter()
         try:
-            image = state.renderer.render(scene, camera, samples=samples, shading="pixel")
+            once = "pixel" if scene.bodies else "sample"  # an empty scene has nothing to merge
+            image = state.renderer.render(scene, camera, samples=samples, shading=once)
         except BrightfieldError as error:
             state.tell(str(error), error=True)
             self.drawn = key
@@ -238,6 +235,7 @@ class Viewport:
         shown = now.copy()
         if state.operation != "scale":
             shown[:3, :3] = R / np.where(scale > 0, scale, 1)
+        GIZMO.begin_frame()
         GIZMO.set_orthographic(state.orbit.orthographic)
         GIZMO.set_drawlist()
         GIZMO.set_rect(self.origin[0], self.origin[1], float(self.size[0]), float(self.size[1]))
@@ -251,14 +249,15 @@ class Viewport:
         changed = GIZMO.manipulate(
             _gl(view), _gl(projection), OPERATIONS[state.operation], mode, matrix, None, snap
         )
+        at = self.camera.project(now[:3, 3]) + 0.5 + self.origin
+        if np.isfinite(at).all():
+            mark_rect("gizmo", (at[0] - 1, at[1] - 1, at[0] + 1, at[1] + 1))
         using = GIZMO.is_using()
         if using and state.dragged is None:
             state.dragged = Dragged(state.workspace.movable(), pose.copy())
         if state.dragged is not None and changed:
             new = np.array(matrix.values, np.float64).reshape(4, 4).T
-            if state.operation != "scale":
-                new[:3, :3] = new[:3, :3] * np.where(scale > 0, scale, 1)
-            state.dragged.by = new @ np.linalg.inv(state.dragged.start)
+            state.dragged.by = meant(state.operation, state.dragged.start, new)
         if state.dragged is not None and not using:
             self.drop()
         return bool(using or GIZMO.is_over())

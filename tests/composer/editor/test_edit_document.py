@@ -225,7 +225,8 @@ def test_saving_keeps_what_others_wrote(workspace: Workspace, tmp_path: Path) ->
 
 def test_a_saved_scene_reads_as_it_was_left(workspace: Workspace, tmp_path: Path) -> None:
     for command in EXAMPLES[1:16]:
-        workspace.do(command)
+        if not isinstance(command, SetBrdf):  # the steps after it set what only the BRDF before it has
+            workspace.do(command)
     assert workspace.unsaved
     workspace.save(tmp_path / "out.usda")
     assert not workspace.unsaved

@@ -1,0 +1,161 @@
+"""The editor driven as a person would: a STEP part, a lamp, a measured material, a camera, undone, saved, reopened.
+
+    python -m composer.editor.tour --part PART.STEP --out docs
+
+It ends with status 0 where every step did what it should; the pictures of docs/editor.md are made on the way.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from composer.editor.autosave import Autosave
+from composer.editor.robot import Robot, missing, screen
+from composer.editor.window.app import App
+from composer.editor.workspace import Workspace
+from interchange.brdf.lafortune import Lafortune
+from interchange.problems import BrightfieldError
+
+SCREEN = (1600, 960)
+
+
+def steps(robot: Robot, part: Path, out: Path, pictures: bool) -> None:
+    """Each step is followed by what must then hold. Raises BrightfieldError or AssertionError."""
+    workspace = robot.app.state.workspace
+    robot.frames(3)
+    robot.menu("File", "Import…")
+    robot.type(str(part))
+    robot.key("Return")
+    robot.wait("The part", lambda: len(workspace.scene.bodies) > 0)
+    (body,) = workspace.selection
+    robot.menu("Add", "Area lamp")
+    robot.wait("The lamp", lambda: len(workspace.scene.lights) == 1)
+    (lamp,) = workspace.selection
+
+    start = workspace.pose(lamp)
+    robot.key("Home")
+    robot.frames(5)
+    middle = robot.middle("gizmo")
+    robot.drag(middle, (middle[0] + 60, middle[1] - 40))
+    moved = workspace.pose(lamp)
+    assert np.linalg.norm(moved[:3, 3] - start[:3, 3]) > 1e-3, "the gizmo moves the lamp"
+    np.testing.assert_allclose(moved[:3, :3], start[:3, :3], atol=1e-9)
+    assert workspace.log[-1].startswith("transform")
+
+    robot.click(f"tree {body}")
+    assert workspace.selection == (body,)
+    robot.click("library find")
+    robot.type("aluminium")
+    robot.click("library aluminium")
+    robot.wait("The material", lambda: isinstance(workspace.scene.bodies[0].material.brdf, Lafortune))
+    assert workspace.selection == (body,)
+
+    robot.menu("Add", "Camera")
+    robot.wait("The camera", lambda: len(workspace.scene.cameras) == 1)
+    robot.wait("Its picture", lambda: robot.app.views[0].full)
+    robot.key("ctrl+z")
+    assert len(workspace.scene.cameras) == 0, "undo takes the camera away"
+    robot.key("ctrl+y")
+    assert len(workspace.scene.cameras) == 1, "redo brings it back"
+
+    x0, y0, x1, y1 = robot.rect("viewport")
+    robot.click(f"tree {body}")
+    before = workspace.pose(body)
+    robot.move((x0 + x1) / 2, (y0 + y1) / 2)
+    for key in ("r", "z", "3", "0", "Return"):
+        robot.key(key)
+    turn = workspace.pose(body)[:3, :3] @ np.linalg.inv(before[:3, :3])
+    np.testing.assert_allclose(np.degrees(np.arctan2(turn[1, 0], turn[0, 0])), 30, atol=1e-4)
+    robot.key("ctrl+z")
+    np.testing.assert_allclose(workspace.pose(body), before, atol=1e-12)
+
+    orbit = robot.app.state.orbit
+    robot.drag((x0 + 60, y1 - 160), (x0 + 130, y1 - 130))
+    assert robot.app.state.orbit != orbit, "a drag beside things orbits"
+    assert workspace.selection == (body,)
+
+    scene = workspace.scene
+    file = out / "tour.usda"
+    robot.key("ctrl+s")
+    robot.rect("dialog name")
+    robot.key("ctrl+a")
+    robot.type(str(file))
+    robot.key("Return")
+    robot.wait("The file", lambda: file.exists() and not workspace.unsaved)
+    robot.key("ctrl+o")
+    robot.rect("dialog name")
+    robot.type(str(file))
+    robot.key("Return")
+    robot.wait("The scene of the file", lambda: not workspace.history.done and workspace.scene is not scene)
+    again = workspace.scene
+    assert [b.name for b in again.bodies] == [b.name for b in scene.bodies]
+    for a, b in zip(again.bodies, scene.bodies, strict=True):
+        np.testing.assert_array_equal(a.mesh.vertices, b.mesh.vertices)
+        np.testing.assert_array_equal(a.world_from_body, b.world_from_body)
+        assert a.material.brdf == b.material.brdf
+    np.testing.assert_array_equal(again.lights[0].world_from_light, scene.lights[0].world_from_light)
+    assert again.lights[0].intensity == scene.lights[0].intensity
+    assert again.cameras[0].lens == scene.cameras[0].lens
+    assert again.cameras[0].sensor == scene.cameras[0].sensor
+    if pictures:
+        _pictures(robot, out)
+
+
+def _pictures(robot: Robot, out: Path) -> None:
+    robot.key("Home")
+    robot.wait("The balls", lambda: robot.app.library.waiting is None)
+    robot.wait("The camera's picture", lambda: robot.app.views[0].full)
+    robot.picture(out / "editor.png")
+
+
+def drive(part: Path, out: Path, pictures: bool) -> int:
+    """Open the window on this screen, take the steps, close it."""
+    out.mkdir(parents=True, exist_ok=True)
+    app = App(Workspace(Autosave(out / "autosave")))
+    failed: list[str] = []
+
+    def run() -> None:
+        robot = Robot(app)
+        try:
+            robot.wait("The window", lambda: app.frames > 5)
+            steps(robot, part.resolve(), out.resolve(), pictures)
+        except Exception:  # told at the end, by the main thread
+            failed.append(traceback.format_exc())
+            robot.picture(out / "failed.png")
+        app.state.quit = True
+
+    threading.Thread(target=run, name="robot", daemon=True).start()
+    app.run(SCREEN)
+    for text in failed:
+        print(text, file=sys.stderr)
+    return 1 if failed else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--part", type=Path, required=True, help="a CAD file")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the scene and the pictures")
+    parser.add_argument("--pictures", action="store_true", help="make the pictures of docs/editor.md")
+    parser.add_argument("--here", action="store_true", help="on the screen that is there")
+    args = parser.parse_args()
+    if args.here:
+        return drive(args.part, args.out, args.pictures)
+    if missing():
+        raise BrightfieldError(f"The tour needs {' and '.join(missing())}: apt install xvfb xdotool.")
+    began = time.perf_counter()
+    with screen(*SCREEN) as display:
+        words = [sys.executable, "-m", "composer.editor.tour", *sys.argv[1:], "--here"]
+        status = subprocess.run(words, env={**os.environ, "DISPLAY": display}).returncode
+    print(f"{'done' if status == 0 else 'failed'} in {time.perf_counter() - began:.0f} s")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
