@@ -28,7 +28,7 @@ class Settings:
     cache: Path
     seed: int
     size: tuple[int, int] = (240, 180)
-    samples: int = 36
+    samples: int = 25
     fine: int = 3
 
 
@@ -46,7 +46,7 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     quality = Quality(settings.samples, settings.fine)
     seed = int(world.integers(1 << 30))
     fine = truth.Setup(bench, errors, quality, seed, settings.cache, plan.filter)
-    pilot = replace(fine, quality=Quality(16, 1), filter="box")
+    pilot = replace(fine, quality=Quality(9, 1), filter="box")
     still = truth.means(pilot, [])
     causes = [_cause(name, s, fine, pilot, still, rng) for name, s in plan.effects]
     without = truth.means(fine, [])

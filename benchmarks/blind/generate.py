@@ -57,7 +57,7 @@ def main() -> None:
         "--worlds", type=int, default=2, help="draws of the calibration errors that are rendered, a scene"
     )
     p.add_argument("--size", type=int, nargs=2, default=(240, 180))
-    p.add_argument("--samples", type=int, default=36, help="of a ninth of a pixel; a square number")
+    p.add_argument("--samples", type=int, default=25, help="of a ninth of a pixel; a square number")
     p.add_argument("--workers", type=int, default=1)
     args = p.parse_args()
     os.nice(10)
@@ -78,6 +78,11 @@ def main() -> None:
     given = {k: int(n) for k, n in (x.split("=") for x in args.counts)}
     todo = plans(args.cases, seed, args.worlds, tuple(s / 100 for s in args.severities), given or None)
     work = [x for x in todo if not (parts / f"{x.case}.json").is_file()]
+    from benchmarks.blind.scene_causes import RENDERED
+
+    work.sort(
+        key=lambda x: any(name in RENDERED for name, _ in x.effects)
+    )  # what costs renderings comes last
     print(f"{len(todo)} cases, {len(work)} to make", flush=True)
     with ProcessPoolExecutor(args.workers) as pool:
         jobs = [

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.blind.bench import Bench, Lamp, Matter, Part, Sensor, Shot, eye
 from benchmarks.blind.solids import ball, box, rod, sheet, sheets, with_hole
 
-SPOT = 1.5  # mm, radius of an LED
+SPOT = 5.0  # mm, radius of an LED: far smaller ones lose digits in an engine of single precision
 
 
 def turned(degrees: float, x: float = 0, y: float = 0, z: float = 0) -> np.ndarray:

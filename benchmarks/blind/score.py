@@ -117,7 +117,8 @@ def calibration(pairs: Sequence[tuple[float, bool]]) -> float:
     """Expected calibration error with ``BINS`` bins of as many answers each (Naeini et al. 2015, adaptive)."""
     if not pairs:
         return float("nan")
-    ordered = sorted(pairs)
+    mixed = [pairs[i] for i in np.random.default_rng(0).permutation(len(pairs))]  # equal ones in no order
+    ordered = sorted(mixed, key=lambda x: x[0])
     groups = np.array_split(np.arange(len(ordered)), min(BINS, len(ordered)))
     error = 0.0
     for g in groups:

@@ -75,12 +75,8 @@ def cylinder(radius: float, height: float, n: int = 96, inside: bool = False) ->
 
 def disk(radius: float, z: float, n: int = 96) -> Solid:
     a = 2 * np.pi * np.arange(n) / n
-    v = [
-        *np.concatenate([np.stack([radius * np.cos(a), radius * np.sin(a), 0 * a], 1), [[0, 0, 0]]]),
-        0,
-        0,
-        z,
-    ]
+    rim = np.stack([radius * np.cos(a), radius * np.sin(a), 0 * a], axis=1)
+    v = np.concatenate([rim, np.zeros((1, 3))]) + np.array([0, 0, z])
     f = np.stack([np.arange(n), (np.arange(n) + 1) % n, np.full(n, n)], 1)
     return Solid(v, f, np.tile([0.0, 0.0, 1.0], (n + 1, 1)))
 

@@ -67,10 +67,12 @@ def plans(
     return sorted(out, key=lambda p: p.case)
 
 
-def _where(rng: np.random.Generator, names: tuple[str, ...]) -> str:
-    """A scene in which all of them can be seen."""
+def _where(rng: np.random.Generator, names: tuple[str, ...], used: dict[str, int]) -> str:
+    """Of the scenes in which all of them can be seen, the one that had the fewest cases of the stratum."""
     fit = [s for s in SCENES if all(s in (SEEN.get(n) or OUTSIDE.get(n) or SCENES) for n in names)]
-    return str(rng.choice(fit))
+    chosen = str(min(rng.permutation(fit), key=lambda s: used[s]))
+    used[chosen] += 1
+    return chosen
 
 
 def _turns(rng: np.random.Generator, options: list[tuple[tuple[str, float], ...]], n: int) -> list[tuple]:
@@ -100,4 +102,5 @@ def _stratum(
     else:
         options = [((name, 0.0),) for name in NOISE]
     chosen = _turns(rng, options, n)
-    return [(tuple(c), _where(rng, tuple(name for name, _ in c))) for c in chosen]
+    used = dict.fromkeys(SCENES, 0)
+    return [(tuple(c), _where(rng, tuple(name for name, _ in c), used)) for c in chosen]

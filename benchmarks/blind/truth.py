@@ -81,9 +81,9 @@ class _Pixels:
 
     def __init__(self, setup: Setup, bench: Bench, causes: Sequence[Cause]) -> None:
         self.setup, self.bench, self.causes = setup, bench, causes
-        self.kept: dict[object, tuple[np.ndarray, np.ndarray]] = {}
+        self.kept: dict[object, tuple[np.ndarray, np.ndarray | float]] = {}
 
-    def __call__(self, shot: Shot, lamp: Lamp | None) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, shot: Shot, lamp: Lamp | None) -> tuple[np.ndarray, np.ndarray | float]:
         key = (shot.eye, shot.pose, lamp)
         if key not in self.kept:
             s = self.setup
@@ -99,10 +99,12 @@ class _Pixels:
             for c in self.causes:
                 if c.form == "translucent" and c.amplitude:
                     direct = _translucent(direct, where, self.bench, c, s.quality.fine)
-            direct = gain * direct
+            bounced = found["indirect"]
+            if not any(c.form == "bounces" for c in self.causes):  # then once through the lens is enough
+                direct, bounced = direct + bounced, None
             self.kept[key] = (
-                through_lens(s, self.causes, direct, shot.eye),
-                through_lens(s, self.causes, gain * found["indirect"], shot.eye),
+                through_lens(s, self.causes, gain * direct, shot.eye),
+                0.0 if bounced is None else through_lens(s, self.causes, gain * bounced, shot.eye),
             )
         return self.kept[key]
 
