@@ -11,7 +11,7 @@ import numpy as np
 
 from realtime.bend import Bend
 from realtime.bodies import Bodies, Group
-from realtime.split import Split
+from realtime.split import MOST_PATCHES, Split
 from realtime.view import View
 
 LIVE, STILL = 0.045, 0.02  # px: ``tolerance`` of a live image, and of one that is to be right
@@ -56,8 +56,8 @@ class Through:
 
     @property
     def feasible(self) -> bool:
-        """Whether no body is so near, for its size, that its faces would come to too many pieces."""
-        return all(g.geometry.parts(*self._lengths(g)) for g in self.bodies.groups)
+        """Whether no body is so near, for its size, that its faces would come to too many patches."""
+        return all(g.geometry.patches(*self._lengths(g)) <= MOST_PATCHES for g in self.bodies.groups)
 
     def split(self, group: Group) -> Split | None:
         """A group's faces by whether they stay whole; None where all do."""

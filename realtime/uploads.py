@@ -18,7 +18,7 @@ from interchange.mesh import Mesh
 from interchange.projector import Projector
 from interchange.table import Table
 from realtime.closed import is_closed
-from realtime.split import Split, longest_edges, parts, split
+from realtime.split import Split, edge_lengths, parts, split
 
 VERTEX_FORMAT = "3f 3f 4f 2f"
 VERTEX_NAMES = ("position", "normal", "tangent", "uv")
@@ -35,12 +35,22 @@ class Geometry:
     indices: moderngl.Buffer
     closed: bool
     bounds: np.ndarray  # (2, 3), body frame
-    splits: dict[tuple[int, int], Split] = field(default_factory=dict)  # by faces to be split, parts
+    splits: dict[tuple[float, float], Split] = field(default_factory=dict)
+    counts: dict[tuple[float, float], int] = field(default_factory=dict)  # of patches
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """(F, 3) m: of each face's edges."""
+        return edge_lengths(self.mesh.vertices, self.mesh.faces)
 
     @cached_property
     def longest(self) -> np.ndarray:
-        """(F,) m: each face's longest edge."""
-        return longest_edges(self.mesh.vertices, self.mesh.faces)
+        """(F,) m: of each face."""
+        return np.asarray(self.lengths.max(axis=1, initial=0.0))
+
+    @cached_property
+    def longest_of_all(self) -> float:
+        return float(self.longest.max(initial=0.0))
 
     @cached_property
     def boxes(self) -> np.ndarray:
@@ -50,20 +60,25 @@ class Geometry:
         low = np.minimum.reduceat(corners.min(axis=1), starts)
         return np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1)
 
-    def parts(self, length: float, patch: float) -> int:
-        """realtime.split.parts of the faces."""
-        return parts(self.longest, length, patch)
+    def patches(self, length: float, patch: float) -> int:
+        """How many patches ``split`` makes, at most."""
+        if self.longest_of_all <= length:
+            return 0
+        key = _steps(length, patch)
+        if key not in self.counts:
+            most = parts(self.longest[self.longest > key[0]], key[1])
+            self.counts[key] = int((most.astype(float) ** 2).sum())
+        return self.counts[key]
 
     def split(self, context: moderngl.Context, length: float, patch: float) -> Split | None:
-        """The faces by whether their edges are longer than ``length`` (or a little less), m, those cut until no edge is
-        longer than ``patch``; None where none is."""
-        if self.longest.max(initial=0.0) <= length:
+        """The faces by whether their edges are longer than ``length``, m; those cut until no edge is longer than
+        ``patch``, if that is more (both or a little less). None where no face is to be split."""
+        if self.longest_of_all <= length:
             return None
-        # few lengths, so that a camera that moves finds what was made
-        long = self.longest > 2.0 ** (np.floor(2 * np.log2(length)) / 2)
-        key = int(long.sum()), parts(self.longest, length, patch)
+        key = least, most = _steps(length, patch)
         if key not in self.splits:
-            self.splits[key] = split(context, vertex_rows(self.mesh), self.mesh.faces, long, key[1])
+            rows, counts = vertex_rows(self.mesh), parts(self.lengths, most)
+            self.splits[key] = split(context, rows, self.mesh.faces, counts, self.longest > least)
         return self.splits[key]
 
     def release(self) -> None:
@@ -168,6 +183,12 @@ class Uploads:
         texture = self.context.texture((table.shape[1], table.shape[0]), 4, table.tobytes(), dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return Picture(record, texture)
+
+
+def _steps(length: float, patch: float) -> tuple[float, float]:
+    """Few lengths a factor of 2, so that a camera that moves finds what was made; the second is no shorter."""
+    least, most = 2.0 ** (np.floor(2 * np.log2([length, patch])) / 2)
+    return float(least), max(float(most), float(least))
 
 
 def vertex_rows(mesh: Mesh) -> np.ndarray:

@@ -1,18 +1,22 @@
-"""Bodies drawn through a distorting lens lie within 0.05 px of cv2.projectPoints over the whole field, in live images."""
+"""What is drawn through a distorting lens lies within 0.05 px of OpenCV's projection over the whole field, live."""
 
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull, Delaunay
 
 from interchange.brdf.lambert import Lambert
-from interchange.camera import Camera, Lens, Sensor
+from interchange.brdf.phong import Phong
+from interchange.camera import Camera, Lens, Projection, Sensor
 from interchange.distortion import LensModel
 from interchange.frames import look_at
+from interchange.light import Light, LightKind
 from interchange.material import Material, Texture
 from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
+from realtime.frame import Frame
 from realtime.through import Through
 
 FIVE = (-0.32, 0.14, 0.0012, -0.0009, -0.03)
@@ -39,16 +43,16 @@ def opencv(camera, points):
     return cv2.projectPoints(points, rvec, t, camera.K, d)[0][:, 0]
 
 
-def drawn_through(rasterizer, scene, camera):
-    """Whether the bodies are drawn through the lens, not looked up in a wide view."""
+def drawn_through(rasterizer, scene, camera, samples=1):
+    """Pixels; AssertionError where the bodies are not drawn through the lens, but looked up in a wide view."""
     used = []
     original = Through.split
     try:
         Through.split = lambda self, group: used.append(group) or original(self, group)
-        image = rasterizer.render(scene, camera, samples=1)
+        image = rasterizer.render(scene, camera, samples=samples)
     finally:
         Through.split = original
-    assert used
+    assert used, "not drawn through the lens"
     return image.pixels
 
 
@@ -120,3 +124,85 @@ def test_edges_lie_there(rasterizer, make, lens):
     assert np.abs(errors).max() < 0.05 + 1 / 16
     assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert np.sqrt((errors**2).mean(axis=0)).max() < 0.05
+
+
+def glowing(vertices, faces):
+    glow = Material("glow", Lambert(0.0), emission=(1.0, 1.0, 1.0))
+    return Body(
+        "/glow", Mesh(vertices, faces.astype(np.int32), np.tile([0.0, 0, 1], (len(vertices), 1))), glow
+    )
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+def test_no_gap_opens_between_faces(rasterizer, samples):
+    """A board of faces of all sizes, split each in its own way, hides all that is behind it."""
+    rng = np.random.default_rng(3)
+    places = np.vstack(
+        [
+            rng.uniform(-3, 3, (40, 2)),
+            rng.normal(0.2, 0.1, (200, 2)),
+            np.array(np.meshgrid([-9, 9], [-9, 9])).reshape(2, -1).T,
+        ]
+    )
+    board = glowing(np.column_stack([places, np.zeros(len(places))]), Delaunay(places).simplices)
+    camera = Camera("c", POSE, LENSES["14 parameters, tilt"], Sensor(SIZE, (PITCH, PITCH)), CENTRE)
+    assert (drawn_through(rasterizer, Scene((board,)), camera, samples) == 1).all()
+
+
+@pytest.mark.parametrize("name", ["14 parameters, tilt", "fisheye"])
+def test_a_room_around_the_camera(rasterizer, name):
+    """Walls of two faces each, also beside and behind the camera, close the view."""
+    corners = np.array([[x, y, z] for x in (-2, 2) for y in (-2.0, 2) for z in (-1, 3)])
+    walls = ConvexHull(corners).simplices
+    camera = Camera("c", POSE, LENSES[name], Sensor(SIZE, (PITCH, PITCH)), CENTRE)
+    assert (drawn_through(rasterizer, Scene((glowing(corners, walls),)), camera) == 1).all()
+
+
+def test_too_near_for_the_vertices_is_drawn_all_the_same(rasterizer):
+    """A floor of 2 km, 1 cm below the camera, comes to too many pieces, and is looked up in a wide view."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 1000.0
+    floor = glowing(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    pose = look_at(np.array([0, 0, 0.01]), np.array([0.003, 0, 0]))
+    camera = Camera("c", pose, LENSES["8 parameters"], Sensor(SIZE, (PITCH, PITCH)), CENTRE)
+    with pytest.raises(AssertionError, match="through"):
+        drawn_through(rasterizer, Scene((floor,)), camera)
+    assert (rasterizer.render(Scene((floor,)), camera, samples=1).pixels == 1).all()
+
+
+BLURRED = replace(LENSES["8 parameters"], f_stop=0.02, focus_distance=1.7)
+TELECENTRIC = Lens(distortion=(-0.04, 0.003, 0.002, -0.001), projection=Projection.ORTHOGRAPHIC)
+
+
+@pytest.mark.parametrize(
+    ("lens", "pitch", "how"),
+    [
+        (LENSES["5 parameters"], PITCH, {"samples": 4}),
+        (LENSES["5 parameters"], PITCH, {"samples": 8, "shading": "pixel"}),
+        (LENSES["fisheye"], PITCH, {"samples": 4, "shading": "pixel"}),
+        (BLURRED, PITCH, {"samples": 25}),
+        (TELECENTRIC, 8e-3, {"samples": 4}),
+    ],
+    ids=["every sample", "pixels", "fisheye", "blur", "telecentric"],
+)
+def test_lit_as_in_a_wide_view(rasterizer, make, monkeypatch, lens, pitch, how):
+    """Lamps with shadows on bodies and a floor: what is drawn through the lens and what is looked up in a wide view
+    are one image, but for the pixels at edges, whose samples lie elsewhere."""
+    material = Material("m", Phong((0.3,) * 3, (0.3,) * 3, 20))
+    balls = [
+        Body(f"/b{i}", make.ball(radius=0.2), material, make.at(x, y, 0.25))
+        for i, (x, y) in enumerate([(-0.4, 0.1), (0.3, 0.3), (0.2, -0.3)])
+    ]
+    floor = Body("/floor", make.plane(4, 4), Material("f", Lambert(0.6)))
+    lights = (
+        Light("/a", LightKind.SPHERE, (5.0,) * 3, make.facing((1, 0.5, 2), (0, 0, 0)), cone_angle=0.9),
+        Light("/b", LightKind.SPHERE, (5.0,) * 3, make.facing((-1, 0.8, 1.5), (0, 0, 0)), cone_angle=0.9),
+    )
+    scene = Scene((*balls, floor), lights)
+    camera = Camera("c", POSE, lens, Sensor(SIZE, (pitch, pitch)), CENTRE)
+    through = rasterizer.render(scene, camera, **how).pixels.mean(axis=-1)
+    monkeypatch.setattr(Frame, "_bend", lambda self: None)
+    wide = rasterizer.render(scene, camera, **how).pixels.mean(axis=-1)
+    off = np.abs(through - wide) / (wide + 0.01 * wide.max())
+    assert through.mean() == pytest.approx(wide.mean(), rel=2e-3)
+    assert np.quantile(off, 0.9) < 0.01
+    assert np.median(off) < 1e-3
