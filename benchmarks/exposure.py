@@ -13,8 +13,9 @@ import numpy as np
 
 from interchange.camera import Camera, Lens, Sensor
 from interchange.effects import chain
-from interchange.exposure import expose, in_bands, steps_of
+from interchange.exposure import expose, steps_of
 from interchange.image import Image, Quantity
+from interchange.steps import in_bands
 
 SIZE = (2448, 2048)
 SENSOR = Sensor(

@@ -10,36 +10,23 @@ A lens without an f-number has Ω = τ · 1 sr, which DN do not depend on.
 EMVA Standard 1288, Release 4.0 Linear, 2021.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 
-from interchange.bands import each_band
+from interchange import fused
 from interchange.camera import Camera, Lens, Projection
 from interchange.effects import Effect, Stage, chain
 from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.exposure import Exposure
 from interchange.effects.mosaic import Mosaic as MosaicEffect
-from interchange.effects.mosaic import phases
-from interchange.filtering import combined, each_channel
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic, Sensor
+from interchange.steps import Function, Step, in_order
 
 PLANCK, LIGHT = 6.62607015e-34, 299792458.0  # J s, m/s: exact by the SI
-
-Function = Callable[[Image, np.random.Generator | None], Image]
-
-
-class Step(NamedTuple):
-    name: str
-    pointwise: bool
-    function: Function
-    effect: Effect | None = None
 
 
 def expose(
@@ -50,12 +37,15 @@ def expose(
     rng: np.random.Generator | None = None,
     effects: Sequence[Effect] = (),
     until: Quantity = Quantity.DN,
+    step_by_step: bool = False,
 ) -> Image:
     """What ``camera`` (default: the image's own) makes of an image of radiance (H, W, 3) or (H, W, 1).
 
     ``t_exp`` s and ``gain_dB`` stand for the camera's own. ``rng`` draws the temporal noise; without it the result is
     the mean of many frames, rounded. ``effects`` stand for the camera's own effects of their kinds. ``until`` asks
-    for an earlier quantity: IRRADIANCE after the optics, or ELECTRONS that are read out.
+    for an earlier quantity: IRRADIANCE after the optics, or ELECTRONS that are read out. ``step_by_step`` applies one
+    effect after the other, which is the definition; without it known ones are taken together (``fused``), which gives
+    the same mean to a rounding and other draws of the same noise.
 
     Returns (H, W, 3), or (H, W, 1) from a monochrome or raw mosaic sensor, float32; DN are whole numbers. The same
     arguments and the same state of ``rng`` give the same numbers, whatever the number of threads. Raises
@@ -80,21 +70,20 @@ def expose(
         )
     if not camera.t_exp >= 0:
         raise BrightfieldError(f"An exposure time must not be negative; got {camera.t_exp:g} s.")
-    steps = steps_of(camera, through, until)
     out = Image(
         pixels=np.ascontiguousarray(image.pixels, np.float32),
         quantity=Quantity.RADIANCE,
         camera=image.camera,
         passes=image.passes,
     )
-    for pointwise, run in groupby(steps, key=lambda s: s.pointwise):
-        if pointwise:
-            out = replace(out, pixels=in_bands(out, [step.function for step in run], rng))
-            continue
-        for step in convolved(list(run), out, camera):
-            out = step.function(out, rng)
+    steps = steps_of(camera, through, until)
+    out = (
+        in_order(steps, out, rng)
+        if step_by_step
+        else fused.through(out, camera, through, until, steps, _electrons(camera, until), rng)
+    )
     if np.isnan(np.sum(out.pixels)):
-        raise BrightfieldError("Radiance must be finite to be exposed; the image has values that are not.")
+        raise BrightfieldError(fused.NOT_FINITE)
     made_by = {**image.made_by, "t_exp_s": camera.t_exp, "gain_dB": camera.sensor.gain_dB}
     return replace(image, pixels=out.pixels, quantity=until, camera=camera, made_by=made_by)
 
@@ -125,12 +114,9 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
     stages = {stage: [e for e in through if e.stage is stage] for stage in Stage}
     optics = stages[Stage.OPTICS]
     solid_angle = lens.projected_solid_angle
-    place = f" ({camera.where})" if str(camera.where) else ""
-    R = np.array(responsivity(lens, sensor, place)) if until is not Quantity.IRRADIANCE else np.ones(3)
-    electrons = (R * camera.t_exp / solid_angle).astype(np.float32)
+    electrons = _electrons(camera, until)
     mono = sensor.mosaic is Mosaic.MONO
-    alike = bool(np.all(electrons == electrons[0]))
-    early = mono and alike and until is not Quantity.IRRADIANCE and all(e.achromatic for e in optics)
+    early = fused.mean_first(camera, electrons, optics, until)
 
     def light(image: Image, rng: np.random.Generator | None) -> Image:
         L = image.pixels
@@ -166,7 +152,7 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
     ):
         later = stages[Stage.SENSOR][len(early_ones) :]
         steps += [
-            Step("electrons", True, _at_sites(early_ones, electrons)),
+            Step("electrons", True, _at_sites(early_ones, electrons, sensor.mosaic)),
             *(_step(e, camera) for e in later),
         ]
     else:
@@ -183,17 +169,17 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
     return steps if through and through[-1].name() in exact else [*steps, Step("rounding", True, whole)]
 
 
-def _at_sites(effects: Sequence[Effect], electrons: np.ndarray) -> Function:
+def _electrons(camera: Camera, until: Quantity) -> np.ndarray:
+    """(3,) float32: electrons of a channel per irradiance."""
+    if until is Quantity.IRRADIANCE:
+        return np.ones(3, np.float32)
+    place = f" ({camera.where})" if str(camera.where) else ""
+    R = np.array(responsivity(camera.lens, camera.sensor, place))
+    return (R * camera.t_exp / camera.lens.projected_solid_angle).astype(np.float32)
+
+
+def _at_sites(effects: Sequence[Effect], electrons: np.ndarray, pattern: Mosaic) -> Function:
     """Electrons, their scale, crosstalk and mosaic at once: a pixel needs the sum of its own channel alone."""
-    matrix, scale, pattern = np.eye(3), 1.0, Mosaic.NONE
-    for effect in effects:
-        match effect:
-            case Exposure():
-                scale *= effect.scale
-            case ColorCrosstalk():
-                matrix = effect.matrix
-            case MosaicEffect():
-                pattern = effect.pattern
 
     def charge(image: Image, rng: np.random.Generator | None) -> Image:
         from interchange import kernels  # Numba comes with it
@@ -202,10 +188,8 @@ def _at_sites(effects: Sequence[Effect], electrons: np.ndarray) -> Function:
             raise BrightfieldError(
                 f"A colour mosaic needs an image of three channels; got {image.pixels.shape[2]}."
             )
-        weights = np.empty((2, 2, 3), np.float32)
-        for i, j, channel in phases(pattern, image.first_row):
-            weights[i, j] = scale * matrix[channel] * electrons
-        e = kernels.at_sites(np.ascontiguousarray(image.pixels), weights)
+        weights = np.roll(fused.weights_of(effects, electrons, pattern), -(image.first_row % 2), axis=0)
+        e = kernels.at_sites(np.ascontiguousarray(image.pixels), weights.astype(np.float32))
         return replace(image, pixels=e, quantity=Quantity.ELECTRONS)
 
     return charge
@@ -219,47 +203,3 @@ def _weighted(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
     from interchange import kernels  # Numba comes with it
 
     return kernels.weighted_sum(np.ascontiguousarray(pixels), weights.astype(np.float32))
-
-
-def convolved(steps: Sequence[Step], image: Image, camera: Camera) -> list[Step]:
-    """The steps with neighbouring convolutions made one."""
-    out: list[Step] = []
-    kernels: list[list[np.ndarray]] = []
-    for step in steps:
-        own = step.effect.kernels(image, camera) if step.effect else None
-        if own is None:
-            out.append(step)
-            kernels = []
-            continue
-        if kernels:
-            out.pop()
-        kernels.append(own)
-        count = max(map(len, kernels))
-        merged = [combined([k[c % len(k)] for k in kernels]) for c in range(count)]
-        out.append(Step("point spread", False, partial(_spread, merged)))
-    return out
-
-
-def _spread(kernels: list[np.ndarray], image: Image, rng: np.random.Generator | None) -> Image:
-    return replace(image, pixels=each_channel(image.pixels, kernels))
-
-
-def in_bands(image: Image, functions: Sequence[Function], rng: np.random.Generator | None) -> np.ndarray:
-    """The functions one after the other on bands of rows, each with its own stream of random numbers."""
-    height, width, channels = image.pixels.shape
-    seed = rng.integers(0, 1 << 32, 4).tolist() if rng is not None else []
-
-    def run(start: int, stop: int) -> np.ndarray:
-        part = Image(image.pixels[start:stop], image.quantity, image.camera, first_row=start)
-        stream = np.random.Generator(np.random.SFC64([*seed, start])) if seed else None
-        for function in functions:
-            part = function(part, stream)
-        return part.pixels
-
-    out = np.empty((height, *run(0, 2).shape[1:]), np.float32)  # two rows tell how many channels come out
-
-    def work(start: int, stop: int) -> None:
-        out[start:stop] = run(start, stop)
-
-    each_band(work, height, width * channels)
-    return out

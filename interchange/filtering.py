@@ -5,14 +5,15 @@ sum is 1. Outside the image its border goes on.
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import cv2
 import numpy as np
 from scipy.signal import convolve2d
 from scipy.special import ive, j1
 
-from interchange.bands import each_band
+from interchange.bands import BAND, each_band
+from interchange.local import ROWS, Function, Local, banded
 
 BORDER = cv2.BORDER_REPLICATE
 AIRY_REACH = 8.0  # kernel radius in units of λN; the 2.5 % of light that lie outside are folded back
@@ -47,6 +48,76 @@ def each_channel(pixels: np.ndarray, kernels: Sequence[np.ndarray]) -> np.ndarra
         work, height, max(1, width * channels // (1 + half))
     )  # bands that are high beside what they overlap
     return out
+
+
+def applied(pixels: np.ndarray, steps: Sequence[Local]) -> np.ndarray:
+    """``pixels`` (H, W, C) after ``steps``, in bands."""
+    pixels = np.ascontiguousarray(pixels, np.float32)
+    out = np.empty_like(pixels)
+
+    def work(start: int, stop: int) -> None:
+        planes = banded(pixels, steps, start, stop)
+        for c, plane in enumerate(planes.channels):
+            out[start:stop, :, c] = plane[:, planes.pad : planes.pad + pixels.shape[1]]
+
+    each_band(work, len(pixels), BAND // ROWS)
+    return out
+
+
+def convolution(kernels: Sequence[np.ndarray]) -> Local:
+    """``each_channel`` as a step that is run in bands."""
+    half = max(k.shape[0] for k in kernels) // 2
+    functions = tuple(_convolution(k.tobytes(), k.shape) for k in kernels)
+    return Local(half, half + 4, functions)  # 4: taps come in fours, of which the last may have no weight
+
+
+@lru_cache(maxsize=64)
+def _convolution(data: bytes, shape: tuple[int, int]) -> Function | None:
+    if shape == (1, 1):
+        return None
+    by, half = _filter(data, shape), shape[0] // 2
+    if isinstance(by, list) and all(np.array_equal(v, v[::-1]) for term in by for v in term):
+        size = (half + 4) // 4 * 4
+        down, across = (np.zeros((len(by), size), np.float32) for _ in range(2))
+        for t, (column, row) in enumerate(by):
+            down[t, : half + 1], across[t, : half + 1] = column[half:], row[half:]
+        return partial(_separated, across, down)
+    kernel = np.frombuffer(data, np.float32).reshape(shape)
+    there = np.argwhere(kernel != 0)
+    count = (len(there) + 3) // 4 * 4
+    offsets, weights = np.zeros((count, 2), np.int64), np.zeros(count, np.float32)
+    offsets[: len(there)], weights[: len(there)] = there - half, kernel[there[:, 0], there[:, 1]]
+    return partial(_summed, offsets, weights)
+
+
+def _separated(
+    across: np.ndarray,
+    down: np.ndarray,
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    pad: int,
+) -> None:
+    from interchange import plane_kernels  # Numba comes with it
+
+    plane_kernels.separable(plane, low, height, out, start, across, down, pad)
+
+
+def _summed(
+    offsets: np.ndarray,
+    weights: np.ndarray,
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    pad: int,
+) -> None:
+    from interchange import plane_kernels
+
+    plane_kernels.taps(plane, low, height, out, start, offsets, weights, pad)
 
 
 def convolve(pixels: np.ndarray, kernel: np.ndarray) -> np.ndarray:

@@ -79,7 +79,7 @@ def looked_up(pixels: np.ndarray, table: np.ndarray) -> np.ndarray:
     out = np.empty(len(pixels), np.float32)
     top = np.float32(len(table) - 1)
     for k in range(len(pixels)):
-        out[k] = table[np.uint32(min(max(pixels[k], np.float32(0)), top) + np.float32(0.5))]
+        out[k] = table[np.uint32(np.rint(min(max(pixels[k], np.float32(0)), top)))]
     return out
 
 

@@ -9,15 +9,13 @@ Hirsch, Sra, Schölkopf, Harmeling: Efficient filter flow for space-variant mult
 in its scattering form.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 
-import cv2
 import numpy as np
 
-from interchange.filtering import BORDER, lagrange, trimmed
+from interchange.filtering import applied, lagrange, trimmed
+from interchange.local import Local
 
 NODES = 11  # along the longer side
 RAYS = 4096  # through the pupil, for a function of some pixels
@@ -28,52 +26,42 @@ PointSpread = Callable[
 ]  # field radius (half the diagonal is 1) -> (n, 2) px: outward, around
 
 
+def over_field(function: PointSpread, resolution: tuple[int, int], centre: tuple[float, float]) -> Local:
+    """The step that spreads light by ``function``, which is hashable and turns with the azimuth about ``centre``
+    (column, row)."""
+    columns, rows = nodes(*resolution)
+    found = kernels(function, resolution, centre)
+    half = max(k.shape[0] for k in found.values()) // 2
+    together = np.zeros((len(rows), len(columns), 2 * half + 1, 2 * half + 1), np.float32)
+    halves = np.zeros((len(rows), len(columns)), np.int64)
+    for (i, j), k in found.items():
+        h = halves[i, j] = k.shape[0] // 2
+        together[i, j, half - h : half + h + 1, half - h : half + h + 1] = k
+    return Local(half, half, (partial(_spread, columns, rows, together, halves),))
+
+
+def _spread(
+    columns: np.ndarray,
+    rows: np.ndarray,
+    kernels: np.ndarray,
+    halves: np.ndarray,
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    pad: int,
+) -> None:
+    from interchange import plane_kernels  # Numba comes with it
+
+    plane_kernels.spread(plane, low, height, out, start, columns, rows, kernels, halves, pad)
+
+
 def spread_over_field(
     pixels: np.ndarray, function: PointSpread, resolution: tuple[int, int], centre: tuple[float, float]
 ) -> np.ndarray:
-    """``pixels`` (H, W, C) float32 through ``function``, which is hashable and turns with the azimuth about
-    ``centre`` (column, row)."""
-    height, width = pixels.shape[:2]
-    columns, rows = _nodes(width, height)
-    kernels = _kernels(function, resolution, centre)
-    half = max(k.shape[0] for k in kernels.values()) // 2
-    across, down = _tents(columns, width, half), _tents(rows, height, half)
-    planes = []
-    for plane in cv2.split(np.ascontiguousarray(pixels, np.float32)):
-        padded = np.asarray(cv2.copyMakeBorder(plane, half, half, half, half, BORDER))
-        out = np.zeros(padded.shape, np.float32)
-        for i in range(len(rows)):
-            row = partial(_share, padded, [kernels[i, j] for j in range(len(columns))], down[i], across)
-            for y, x, part in _pool(os.getpid()).map(row, range(len(columns))):
-                out[y, x] += part
-        planes.append(out[half : half + height, half : half + width])
-    return np.ascontiguousarray(np.stack(planes, axis=-1))
-
-
-Tent = tuple[int, np.ndarray]
-
-
-def _share(
-    padded: np.ndarray, kernels: list[np.ndarray], down: Tent, across: list[Tent], j: int
-) -> tuple[slice, slice, np.ndarray]:
-    """Where the light of one node goes, and that light, spread."""
-    (top, wy), (left, wx), kernel = down, across[j], kernels[j]
-    part = padded[top : top + len(wy), left : left + len(wx)] * (wy[:, None] * wx)
-    h = kernel.shape[0] // 2
-    ends = [
-        min(h, room)
-        for room in (top, padded.shape[0] - top - len(wy), left, padded.shape[1] - left - len(wx))
-    ]
-    part = cv2.copyMakeBorder(part, ends[0], ends[1], ends[2], ends[3], cv2.BORDER_CONSTANT)
-    part = np.asarray(cv2.filter2D(part, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT))
-    y, x = top - ends[0], left - ends[2]
-    return slice(y, y + part.shape[0]), slice(x, x + part.shape[1]), part
-
-
-@lru_cache(maxsize=1)
-def _pool(process: int) -> ThreadPoolExecutor:
-    """One a process: threads do not outlive a fork."""
-    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "psf")
+    """``pixels`` (H, W, C) float32 through ``function``."""
+    return applied(pixels, [over_field(function, resolution, centre)])
 
 
 def kernel(offsets: np.ndarray) -> np.ndarray:
@@ -100,18 +88,18 @@ def pupil(count: int = RAYS) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt((k + 0.5) / count), k * GOLDEN
 
 
-def _nodes(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def nodes(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     step = max(width, height) / (NODES - 1)
     count = [max(2, round(n / step) + 1) if n > 1 else 1 for n in (width, height)]
     return np.linspace(0, width - 1, count[0]), np.linspace(0, height - 1, count[1])
 
 
 @lru_cache(maxsize=4)
-def _kernels(
+def kernels(
     function: PointSpread, resolution: tuple[int, int], centre: tuple[float, float]
 ) -> dict[tuple[int, int], np.ndarray]:
     """By (row, column) of the grid."""
-    columns, rows = _nodes(*resolution)
+    columns, rows = nodes(*resolution)
     out = {}
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
@@ -120,15 +108,4 @@ def _kernels(
             c, s = (x / r, y / r) if r > 0 else (1.0, 0.0)
             offsets = function(2 * r / np.hypot(*resolution))
             out[i, j] = kernel(offsets @ np.array([[c, s], [-s, c]]))
-    return out
-
-
-def _tents(nodes: np.ndarray, size: int, half: int) -> list[Tent]:
-    """Of each node where its weights begin in the padded image, and they: 1 at it, 0 at its neighbours."""
-    at = np.arange(-half, size + half)
-    out = []
-    for k in range(len(nodes)):
-        weights = np.interp(at, nodes, np.eye(len(nodes))[k]).astype(np.float32)
-        there = np.flatnonzero(weights)
-        out.append((int(there[0]), weights[there[0] : there[-1] + 1]))
     return out

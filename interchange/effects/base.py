@@ -32,6 +32,7 @@ import numpy as np
 
 from interchange.camera import Camera
 from interchange.image import Image
+from interchange.local import Local
 from interchange.parameter import freeze
 from interchange.scene import Scene
 
@@ -95,6 +96,10 @@ class Effect:
 
         ``expose`` applies neighbouring convolutions as one.
         """
+        return None
+
+    def local(self, image: Image, camera: Camera) -> Local | None:
+        """Where a pixel depends on pixels near it alone, and not on other passes: what ``expose`` runs in bands."""
         return None
 
     @classmethod

@@ -43,6 +43,11 @@ class ColorCorrection(Effect):
             return image
         from interchange import kernels  # Numba comes with it
 
+        return replace(
+            image, pixels=kernels.transformed(image.pixels, *self.transform(camera.sensor.black_level))
+        )
+
+    def transform(self, black: float) -> tuple[np.ndarray, np.ndarray]:
+        """(3, 3) and (3,) float32: what DN are multiplied with, and what is added."""
         matrix = np.array([self.red, self.green, self.blue], np.float32)
-        offset = camera.sensor.black_level * (1 - matrix.sum(axis=1))
-        return replace(image, pixels=kernels.transformed(image.pixels, matrix, offset.astype(np.float32)))
+        return matrix, (black * (1 - matrix.sum(axis=1))).astype(np.float32)

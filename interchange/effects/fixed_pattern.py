@@ -64,11 +64,19 @@ class FixedPattern(Effect):
         shape = (height, width, image.pixels.shape[2])
         rows = slice(image.first_row, image.first_row + len(image.pixels))
         pixels = image.pixels
-        if any(self.gain):
-            pixels = pixels * _pattern(self.serial_number, "gain", shape, 1.0, self.gain)[rows]
-        if any(self.offset):
-            pixels = pixels + _pattern(self.serial_number, "offset", shape, 0.0, self.offset)[rows]
+        gain, offset = self.patterns(shape)
+        if gain is not None:
+            pixels = pixels * gain[rows]
+        if offset is not None:
+            pixels = pixels + offset[rows]
         return replace(image, pixels=pixels)
+
+    def patterns(self, shape: tuple[int, int, int]) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Gain, about 1, and offset e- of an image (H, W, C); None where all are alike."""
+        return (
+            _pattern(self.serial_number, "gain", shape, 1.0, self.gain) if any(self.gain) else None,
+            _pattern(self.serial_number, "offset", shape, 0.0, self.offset) if any(self.offset) else None,
+        )
 
 
 def stream(serial: str, kind: str) -> np.random.Generator:

@@ -39,15 +39,20 @@ class HotPixels(Effect):
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         if not self.share or not self.current:
             return image
-        width, height = camera.sensor.resolution
-        shape = (height, width, image.pixels.shape[2])
-        place, strength = hot(camera.sensor.serial_number, self.share, shape)
-        row = place // (width * shape[2])
-        here = slice(*np.searchsorted(row, [image.first_row, image.first_row + len(image.pixels)]))
         pixels = image.pixels.copy()
-        electrons = (strength[here] * (self.current * camera.t_exp)).astype(np.float32)
-        pixels.reshape(-1)[place[here] - image.first_row * width * shape[2]] += electrons
+        self.add(pixels, camera, image.first_row)
         return replace(image, pixels=pixels)
+
+    def add(self, pixels: np.ndarray, camera: Camera, first_row: int = 0) -> None:
+        """To electrons (r, W) or (r, W, C) from the image's ``first_row`` on, in place."""
+        width, height = camera.sensor.resolution
+        channels = pixels.shape[2] if pixels.ndim == 3 else 1
+        shape = (height, width, channels)
+        place, strength = hot(camera.sensor.serial_number, self.share, shape)
+        begin = first_row * width * channels
+        here = slice(*np.searchsorted(place, [begin, begin + pixels.size]))
+        electrons = (strength[here] * (self.current * camera.t_exp)).astype(np.float32)
+        pixels.reshape(-1)[place[here] - begin] += electrons
 
 
 @lru_cache(maxsize=4)

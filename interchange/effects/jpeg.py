@@ -36,7 +36,12 @@ class Jpeg(Effect):
             raise BrightfieldError(
                 f"A JPEG must have 8 bits; the sensor's image has {camera.sensor.bits_out}."
             )
-        return replace(image, pixels=decoded(self.encoded(image)).astype(np.float32))
+        y = np.clip(np.rint(image.pixels), 0, 255).astype(np.uint8)
+        return replace(image, pixels=self.compressed(y).astype(np.float32))
+
+    def compressed(self, y: np.ndarray) -> np.ndarray:
+        """(H, W, C) uint8 as it comes out of the file again."""
+        return decoded(self.encoded(Image(y)))
 
     def encoded(self, image: Image) -> bytes:
         """The file: DN of 8 bits, grey or RGB."""

@@ -6,15 +6,18 @@ about the principal point; r = 1 is half the image's diagonal. Green, the second
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
-from interchange.filtering import resample
+from interchange.filtering import applied
 from interchange.image import Image
+from interchange.local import Function, Local
 from interchange.parameter import parameter
+
+SHIFT_ERROR = 1e-4  # px that the polynomial of the shift may miss
 
 
 @dataclass(frozen=True)
@@ -41,27 +44,60 @@ class LateralChromaticAberration(Effect):
     blue3: float = parameter(0.0, "d_B", "1", -0.05, 0.05, "what is added to blue's at the image corner")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
+        step = self.local(image, camera)
+        return replace(image, pixels=applied(image.pixels, [step])) if step else image
+
+    def local(self, image: Image, camera: Camera) -> Local | None:
+        """By Lagrange's cubic through 4 x 4 pixels; the shift is a polynomial of r² within ``SHIFT_ERROR``."""
         if image.pixels.shape[2] != 3:
-            return image
-        K = camera.K
-        pixels = image.pixels.copy()
+            return Local(0, 0, (None,))
+        width, height = camera.sensor.resolution
+        K, unit = camera.K, float(np.hypot(width / 2, height / 2))
+        centre = np.array([K[0, 2], K[1, 2]])
+        farthest = float(np.hypot(*np.maximum(centre, np.array([width - 1, height - 1]) - centre)))
+        functions: list[Function | None] = [None, None, None]
+        reach = 0
         for channel, c, d in ((0, self.red, self.red3), (2, self.blue, self.blue3)):
             if c or d:
-                column, row = _source(c, d, camera.sensor.resolution, (K[0, 2], K[1, 2]))
-                pixels[..., channel] = resample(image.pixels[..., channel, None], column, row)[..., 0]
-        return replace(image, pixels=pixels)
+                per_r2, shift = _shift(c, d, farthest, unit)
+                functions[channel] = partial(_magnified, centre, per_r2, unit)
+                reach = max(reach, int(np.ceil(shift)) + 3)
+        return Local(reach, reach, tuple(functions))
 
 
-@lru_cache(maxsize=8)
-def _source(
-    c: float, d: float, resolution: tuple[int, int], centre: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where in the image of green the light stands that arrives at each pixel: r of r (1 + c + d r²), by Newton."""
-    width, height = resolution
-    x, y = np.meshgrid(np.arange(width) - centre[0], np.arange(height) - centre[1])
-    there = np.hypot(x, y) / np.hypot(width / 2, height / 2)
+def _magnified(
+    centre: np.ndarray,
+    per_r2: np.ndarray,
+    unit: float,
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    pad: int,
+) -> None:
+    from interchange import plane_kernels  # Numba comes with it
+
+    plane_kernels.magnified(plane, low, height, out, start, centre, per_r2, unit, pad)
+
+
+def source(c: float, d: float, there: np.ndarray) -> np.ndarray:
+    """r over ``there``, of the light in the image of green that arrives at ``there`` = r (1 + c + d r²), by Newton."""
     r = there / (1 + c)
-    for _ in range(3 if d else 0):
+    for _ in range(4 if d else 0):
         r -= (r * (1 + c + d * r * r) - there) / (1 + c + 3 * d * r * r)
-    scale = np.where(there > 0, r / np.where(there > 0, there, 1), 1)
-    return (x * scale + centre[0]).astype(np.float32), (y * scale + centre[1]).astype(np.float32)
+    return np.where(there > 0, r / np.where(there > 0, there, 1), 1 / (1 + c))
+
+
+@lru_cache(maxsize=16)
+def _shift(c: float, d: float, farthest: float, unit: float) -> tuple[np.ndarray, float]:
+    """Coefficients of source(r) - 1 in powers of r², and the largest shift, px, out to ``farthest`` px."""
+    q = (farthest / unit) ** 2 * (1 - np.cos(np.linspace(0, np.pi, 65))) / 2  # Chebyshev's places
+    want = source(c, d, np.sqrt(q)) - 1
+    for degree in range(0, 16):
+        powers = np.vander(q / q.max(), degree + 1, increasing=True)
+        fitted = np.linalg.lstsq(powers, want, rcond=None)[0]
+        missed = np.abs(powers @ fitted - want) * np.sqrt(q) * unit
+        if missed.max() < SHIFT_ERROR:
+            break
+    return fitted / q.max() ** np.arange(len(fitted)), float((np.abs(want) * np.sqrt(q) * unit).max())

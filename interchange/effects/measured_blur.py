@@ -11,9 +11,11 @@ import numpy as np
 
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
+from interchange.filtering import applied
 from interchange.image import Image
+from interchange.local import Local
 from interchange.parameter import ParameterError
-from interchange.varying_psf import pupil, spread_over_field
+from interchange.varying_psf import over_field, pupil
 
 MOST = 100.0  # px
 
@@ -48,9 +50,11 @@ class MeasuredBlur(Effect):
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         if not self.is_there:
             return image
+        return replace(image, pixels=applied(image.pixels, [self.local(image, camera)]))
+
+    def local(self, image: Image, camera: Camera) -> Local:
         K = camera.K
-        pixels = spread_over_field(image.pixels, self.rays, camera.sensor.resolution, (K[0, 2], K[1, 2]))
-        return replace(image, pixels=pixels)
+        return over_field(self.rays, camera.sensor.resolution, (K[0, 2], K[1, 2]))
 
     def rays(self, r: float) -> np.ndarray:
         """(n, 2) px, outward and around, of evenly likely places of the Gaussian, at field radius ``r``."""

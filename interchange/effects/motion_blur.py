@@ -50,6 +50,11 @@ class MotionBlur(Effect):
             pixels = _along(pixels, np.nan_to_num(motion * np.float32(self.shutter)))
         return replace(image, pixels=pixels)
 
+    def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
+        if self.shutter and "motion" in image.passes:
+            return None
+        return [line(self.u, self.v) if self.u or self.v else np.ones((1, 1), np.float32)]
+
 
 def _along(pixels: np.ndarray, path: np.ndarray) -> np.ndarray:
     longest = float(np.abs(path).max(initial=0.0))

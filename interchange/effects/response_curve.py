@@ -51,11 +51,15 @@ class ResponseCurve(Effect):
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth
-        table = _table(self, bits, self.bits_out or bits, camera.sensor.black_level)
+        table = self.table(bits, camera.sensor.black_level)
         from interchange import kernels  # Numba comes with it
 
         flat = np.ascontiguousarray(image.pixels).reshape(-1)
         return replace(image, pixels=kernels.looked_up(flat, table).reshape(image.pixels.shape))
+
+    def table(self, bits: int, black: float) -> np.ndarray:
+        """(2^bits,) float32: the output DN of every linear one."""
+        return _table(self, bits, self.bits_out or bits, black)
 
     def curve(self, x: np.ndarray) -> np.ndarray:
         """Output over its highest value, of linear signals x over theirs, both in [0, 1]."""

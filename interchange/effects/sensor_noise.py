@@ -42,6 +42,11 @@ class SensorNoise(Effect):
         return replace(image, pixels=mean if rng is None else noisy(mean, self.read_noise, rng))
 
 
+def seed_of(rng: np.random.Generator | None) -> np.uint64:
+    """What the compiled loops draw from; 0 where nothing is drawn."""
+    return np.uint64(0 if rng is None else rng.integers(0, 1 << 64, dtype=np.uint64))
+
+
 def noisy(mean: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
     """One draw of electrons (any shape, float32) around ``mean`` e- with read noise of ``sigma`` e- rms."""
     from interchange import kernels  # Numba comes with it

@@ -39,17 +39,28 @@ class VeilingGlare(Effect):
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         E = np.ascontiguousarray(image.pixels)
+        h, w, channels = E.shape
         if not self.radius:
-            mean = np.array(cv2.mean(E)[: E.shape[2]], np.float32)
-            return replace(image, pixels=_mixed(E, np.tile(mean, E.shape[1])[None], self.g))
-        h, w = E.shape[:2]
-        sigma = self.radius * np.hypot(h, w)
-        step = max(1.0, sigma / COARSE)
-        small = (max(1, round(w / step)), max(1, round(h / step)))
-        coarse = cv2.resize(E, small, interpolation=cv2.INTER_AREA)
-        coarse = cv2.GaussianBlur(coarse, (0, 0), sigma * small[0] / w, borderType=BORDER)
-        spread = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, -1)
+            mean = np.array(cv2.mean(E)[:channels], np.float32)
+            return replace(image, pixels=_mixed(E, np.tile(mean, w)[None], self.g))
+        cells = self.cells(h, w)
+        coarse = cv2.resize(E, cells[::-1], interpolation=cv2.INTER_AREA).reshape(*cells, channels)
+        spread = cv2.resize(self.spread(coarse, h, w), (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, -1)
         return replace(image, pixels=_mixed(E, spread, self.g))
+
+    def cells(self, height: int, width: int) -> tuple[int, int]:
+        """Rows and columns of the coarse image that the neighbourhood is computed on."""
+        if not self.radius:
+            return 1, 1
+        step = max(1.0, self.radius * float(np.hypot(height, width)) / COARSE)
+        return max(1, round(height / step)), max(1, round(width / step))
+
+    def spread(self, coarse: np.ndarray, height: int, width: int) -> np.ndarray:
+        """The veil of a coarse image (h, w, C), itself as coarse."""
+        if not self.radius:
+            return coarse
+        sigma = self.radius * float(np.hypot(height, width)) * coarse.shape[1] / width
+        return np.asarray(cv2.GaussianBlur(coarse, (0, 0), sigma, borderType=BORDER)).reshape(coarse.shape)
 
 
 def _mixed(E: np.ndarray, veil: np.ndarray, g: float) -> np.ndarray:

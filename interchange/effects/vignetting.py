@@ -4,13 +4,14 @@ E(r) = E(0) (1 + a2 r² + a4 r⁴),    r = distance from the principal point / h
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.image import Image
+from interchange.local import Local
 from interchange.parameter import parameter
 
 
@@ -41,12 +42,34 @@ class Vignetting(Effect):
 
         return replace(image, pixels=kernels.times_field(np.ascontiguousarray(image.pixels), rows))
 
+    def local(self, image: Image, camera: Camera) -> Local:
+        K, (width, height) = camera.K, camera.sensor.resolution
+        unit = float(np.hypot(width / 2, height / 2))
+        return Local(0, 0, (partial(_dimmed, np.array([K[0, 2], K[1, 2]]), self.a2, self.a4, unit),))
+
     @classmethod
     def natural(cls, camera: Camera) -> "Vignetting":
         """The two terms of cos⁴ θ, by which every lens without distortion falls off; exact to r⁴."""
         (w, h), (px, py) = camera.sensor.resolution, camera.sensor.pixel_pitch
         tan2 = ((w * px) ** 2 + (h * py) ** 2) / 4 / camera.lens.focal_length**2
         return cls(a2=-2 * tan2, a4=3 * tan2**2)
+
+
+def _dimmed(
+    centre: np.ndarray,
+    a2: float,
+    a4: float,
+    unit: float,
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    pad: int,
+) -> None:
+    from interchange import plane_kernels  # Numba comes with it
+
+    plane_kernels.dimmed(plane, low, height, out, start, centre, a2, a4, unit, pad)
 
 
 @lru_cache(maxsize=4)

@@ -1,0 +1,513 @@
+"""Loops over rows of planes: convolution, point spread by field position, magnification, and the mosaic's weights.
+
+A plane is (rows, P + W + P) float32, ``pad`` P columns at either side, into which the border goes on. ``low`` is the
+image's row that a plane begins with, ``height`` the image's rows; a row that is asked for outside the image is the
+border's. Inner loops read from buffers that begin with a cache line: vectors of 64 bytes that lie across two of them
+take twice the time.
+"""
+
+import numba
+import numpy as np
+
+from interchange.kernels import compiled
+
+LINE = 16  # float32 in a cache line
+CHUNK = 128  # columns at a time, a multiple of LINE: what 21 rows need stays in the first cache
+STEP = np.uint64(CHUNK)  # an index that is not signed needs no test for being negative
+
+# sums may be reordered: of some 20 numbers of one sign, an error of 20 · 2^-24
+summing = numba.njit(
+    nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}
+)
+
+
+@compiled
+def aligned(count: int) -> np.ndarray:
+    """(count,) float32, not set, beginning with a cache line."""
+    buffer = np.empty(count + LINE, np.float32)
+    start = (-(buffer.ctypes.data // 4)) % LINE
+    return buffer[start : start + count]
+
+
+@compiled
+def extended(plane: np.ndarray, pad: int) -> None:
+    """Let the first and the last column go on into the margins."""
+    end = plane.shape[1] - pad
+    for i in range(plane.shape[0]):
+        row = plane[i]
+        first, last = row[pad], row[end - 1]
+        row[:pad] = first
+        row[end:] = last
+
+
+@compiled
+def loaded(pixels: np.ndarray, planes: np.ndarray, pad: int) -> None:
+    """Rows (r, W, C) into planes (C, r, P + W + P)."""
+    width, channels = pixels.shape[1], pixels.shape[2]
+    for i in range(pixels.shape[0]):
+        row = pixels[i]
+        if channels == 3:
+            a, b, c = (
+                planes[0, i, pad : pad + width],
+                planes[1, i, pad : pad + width],
+                planes[2, i, pad : pad + width],
+            )
+            for x in range(width):
+                a[x] = row[x, 0]
+            for x in range(width):
+                b[x] = row[x, 1]
+            for x in range(width):
+                c[x] = row[x, 2]
+        else:
+            planes[0, i, pad : pad + width] = row[:, 0]
+    for k in range(channels):
+        extended(planes[k], pad)
+
+
+@summing
+def separable(
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    across: np.ndarray,
+    down: np.ndarray,
+    pad: int,
+) -> None:
+    """Convolve with Σ_t down_t across_tᵀ into ``out``, whose first row is the image's ``start``.
+
+    ``across`` (T, 4 G) and ``down`` (T, 4 G) hold the halves of symmetric vectors, middle first, zeros at the end.
+    """
+    terms, groups = across.shape[0], across.shape[1] // 4
+    reach = across.shape[1]
+    width = plane.shape[1] - 2 * pad
+    # rows beyond the plane's are the border's, or have no weight
+    first, stop = max(start - reach + 1, low), min(start + out.shape[0] + reach - 1, low + plane.shape[0])
+    rows = stop - first
+    pairs, total = aligned(reach * CHUNK), aligned(CHUNK)
+    scratch = aligned(terms * rows * CHUNK)
+    pairs[:] = 0
+    half = down.copy()
+    half[:, 0] *= np.float32(0.5)  # the middle comes from both sides
+    for x0 in range(0, width, CHUNK):
+        n = min(CHUNK, width - x0)
+        for i in range(rows):
+            row = plane[first - low + i]
+            middle = pad + x0
+            pairs[:n] = row[middle : middle + n]
+            for u in range(1, reach):
+                left, right = row[middle - u : middle - u + n], row[middle + u : middle + u + n]
+                pair = pairs[u * CHUNK : u * CHUNK + n]
+                for x in range(n):
+                    pair[x] = left[x] + right[x]
+            for t in range(terms):
+                for g in range(groups):
+                    _four(pairs, 4 * g * CHUNK, across, t, g, scratch, (t * rows + i) * CHUNK)
+        for i in range(out.shape[0]):
+            y = start + i - first
+            top, bottom = 0, rows - 1
+            total[:] = 0
+            for t in range(terms):
+                for g in range(groups):
+                    _eight(scratch, t * rows, y, 4 * g, top, bottom, half, t, total)
+            out[i, pad + x0 : pad + x0 + n] = total[:n]
+    extended(out, pad)
+
+
+@summing
+def _four(
+    rows: np.ndarray, at: int, weights: np.ndarray, term: int, g: int, out: np.ndarray, to: int
+) -> None:
+    """out (+)= Σ of four following rows by the weights of group ``g``; the first group sets."""
+    a, o = np.uint64(at), np.uint64(to)
+    b, c, d = a + STEP, a + STEP + STEP, a + STEP + STEP + STEP
+    w0, w1, w2, w3 = (
+        weights[term, 4 * g],
+        weights[term, 4 * g + 1],
+        weights[term, 4 * g + 2],
+        weights[term, 4 * g + 3],
+    )
+    if g == 0:
+        for x in range(STEP):
+            out[o + x] = w0 * rows[a + x] + w1 * rows[b + x] + w2 * rows[c + x] + w3 * rows[d + x]
+    else:
+        for x in range(STEP):
+            out[o + x] += w0 * rows[a + x] + w1 * rows[b + x] + w2 * rows[c + x] + w3 * rows[d + x]
+
+
+@summing
+def _eight(
+    rows: np.ndarray,
+    base: int,
+    y: int,
+    v: int,
+    top: int,
+    bottom: int,
+    weights: np.ndarray,
+    t: int,
+    out: np.ndarray,
+) -> None:
+    """out += Σ of the rows v to v + 3 above and below ``y`` by their weights, within ``top`` and ``bottom``."""
+    w0, w1, w2, w3 = weights[t, v], weights[t, v + 1], weights[t, v + 2], weights[t, v + 3]
+    a = np.uint64((base + max(y - v, top)) * CHUNK)
+    b = np.uint64((base + max(y - v - 1, top)) * CHUNK)
+    c = np.uint64((base + max(y - v - 2, top)) * CHUNK)
+    d = np.uint64((base + max(y - v - 3, top)) * CHUNK)
+    e = np.uint64((base + min(y + v, bottom)) * CHUNK)
+    f = np.uint64((base + min(y + v + 1, bottom)) * CHUNK)
+    g = np.uint64((base + min(y + v + 2, bottom)) * CHUNK)
+    h = np.uint64((base + min(y + v + 3, bottom)) * CHUNK)
+    for x in range(STEP):
+        out[x] += (w0 * (rows[a + x] + rows[e + x]) + w1 * (rows[b + x] + rows[f + x])) + (
+            w2 * (rows[c + x] + rows[g + x]) + w3 * (rows[d + x] + rows[h + x])
+        )
+
+
+@summing
+def _added(rows: np.ndarray, at: int, weights: np.ndarray, i: int, count: int, out: np.ndarray) -> None:
+    """out += Σ_m weights[i, m] of the m-th row from ``at`` on; ``count`` a multiple of 8."""
+    for m in range(0, count, 8):
+        a = np.uint64((at + m) * CHUNK)
+        b, c, d, e = a + STEP, a + np.uint64(2) * STEP, a + np.uint64(3) * STEP, a + np.uint64(4) * STEP
+        f, g, h = e + STEP, e + np.uint64(2) * STEP, e + np.uint64(3) * STEP
+        w0, w1, w2, w3 = weights[i, m], weights[i, m + 1], weights[i, m + 2], weights[i, m + 3]
+        w4, w5, w6, w7 = weights[i, m + 4], weights[i, m + 5], weights[i, m + 6], weights[i, m + 7]
+        for x in range(STEP):
+            out[x] += (w0 * rows[a + x] + w1 * rows[b + x] + w2 * rows[c + x] + w3 * rows[d + x]) + (
+                w4 * rows[e + x] + w5 * rows[f + x] + w6 * rows[g + x] + w7 * rows[h + x]
+            )
+
+
+@summing
+def taps(
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    offsets: np.ndarray,
+    weights: np.ndarray,
+    pad: int,
+) -> None:
+    """out(y, x) = Σ_m weights[m] plane(y + offsets[m, 0], x + offsets[m, 1]); weights a multiple of 4."""
+    width = plane.shape[1] - 2 * pad
+    for i in range(out.shape[0]):
+        into = out[i, pad : pad + width]
+        for m in range(0, len(weights), 4):
+            y0 = min(max(start + i + offsets[m, 0], 0), height - 1) - low
+            y1 = min(max(start + i + offsets[m + 1, 0], 0), height - 1) - low
+            y2 = min(max(start + i + offsets[m + 2, 0], 0), height - 1) - low
+            y3 = min(max(start + i + offsets[m + 3, 0], 0), height - 1) - low
+            x0, x1 = pad + offsets[m, 1], pad + offsets[m + 1, 1]
+            x2, x3 = pad + offsets[m + 2, 1], pad + offsets[m + 3, 1]
+            p, q = plane[y0, x0 : x0 + width], plane[y1, x1 : x1 + width]
+            r, s = plane[y2, x2 : x2 + width], plane[y3, x3 : x3 + width]
+            w0, w1, w2, w3 = weights[m], weights[m + 1], weights[m + 2], weights[m + 3]
+            if m == 0:
+                for x in range(width):
+                    into[x] = w0 * p[x] + w1 * q[x] + w2 * r[x] + w3 * s[x]
+            else:
+                for x in range(width):
+                    into[x] += w0 * p[x] + w1 * q[x] + w2 * r[x] + w3 * s[x]
+    extended(out, pad)
+
+
+@summing
+def spread(
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    kernels: np.ndarray,
+    halves: np.ndarray,
+    pad: int,
+) -> None:
+    """Light of every pixel shared between the four nodes around it and spread by their kernels; varying_psf has the
+    formula. ``columns`` (J,), ``rows`` (I,): places of the nodes; ``kernels`` (I, J, k, k); ``halves`` (I, J): what
+    of a kernel is not zero.
+    """
+    width = plane.shape[1] - 2 * pad
+    count, middle = len(columns), kernels.shape[2] // 2
+    out[:, :] = 0
+    most = 2 * middle + 1
+    total, tent = aligned(CHUNK), aligned(CHUNK + most)
+    shifted = aligned(((out.shape[0] + most) * most + 8) * CHUNK)
+    shifted[:] = 0
+    weights = np.empty((out.shape[0], (most * most + 7) // 8 * 8), np.float32)
+    for j in range(count):
+        half = 0
+        for i in range(-middle, out.shape[0] + middle):
+            k, _ = _between(rows, min(max(start + i, 0), height - 1))
+            half = max(half, halves[k, j], halves[min(k + 1, len(rows) - 1), j])
+        k = 2 * half + 1
+        padded = (k * k + 7) // 8 * 8
+        for i in range(out.shape[0]):
+            for s in range(k):  # the source row start + i - half + s sends its light by v = half - s
+                above, t = _between(rows, min(max(start + i - half + s, 0), height - 1))
+                below = min(above + 1, len(rows) - 1)
+                v = middle + half - s
+                for u in range(k):
+                    a, b = kernels[above, j, v, middle + u - half], kernels[below, j, v, middle + u - half]
+                    weights[i, s * k + u] = a + t * (b - a)
+            weights[i, k * k : padded] = 0
+        left = columns[j - 1] if j > 0 else -1e9
+        right = columns[j + 1] if j + 1 < count else 1e9
+        begin, end = max(0, int(left) - half), min(width, int(right) + half + 1)
+        for x0 in range(begin, end, CHUNK):
+            n = min(CHUNK, end - x0)
+            for x in range(n + 2 * half):
+                at = x0 - half + x
+                if at < columns[j]:
+                    tent[x] = 1.0 if j == 0 else max(0.0, (at - left) / (columns[j] - left))
+                else:
+                    tent[x] = 1.0 if j + 1 == count else max(0.0, (right - at) / (right - columns[j]))
+            for i in range(out.shape[0] + 2 * half):
+                row = plane[min(max(start - half + i, 0), height - 1) - low]
+                for u in range(k):  # light that left u - half columns to the left of where it arrives
+                    into = shifted[(i * k + u) * CHUNK : (i * k + u) * CHUNK + n]
+                    a = pad + x0 + half - u
+                    source, share = row[a : a + n], tent[2 * half - u : 2 * half - u + n]
+                    for x in range(n):
+                        into[x] = source[x] * share[x]
+            for i in range(out.shape[0]):
+                total[:] = 0
+                _added(shifted, i * k, weights, i, padded, total)
+                into = out[i, pad + x0 : pad + x0 + n]
+                for x in range(n):
+                    into[x] += total[x]
+    extended(out, pad)
+
+
+@compiled
+def _between(nodes: np.ndarray, at: float) -> tuple[int, np.float32]:
+    """The node at or before a place, and how far the place is on the way to the next."""
+    last = len(nodes) - 1
+    if last == 0 or at <= nodes[0]:
+        return 0, np.float32(0)
+    if at >= nodes[last]:
+        return last, np.float32(0)
+    k = int(np.searchsorted(nodes, at, side="right")) - 1
+    return k, np.float32((at - nodes[k]) / (nodes[k + 1] - nodes[k]))
+
+
+@summing
+def magnified(
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    centre: np.ndarray,
+    per_r2: np.ndarray,
+    unit: float,
+    pad: int,
+) -> None:
+    """out(p) = plane(p + (p - centre) m(q)),   m = Σ_k per_r2[k] q^k,   q = |p - centre|² / unit²
+
+    by Lagrange's cubic through 4 x 4 pixels. ``pad`` must be 2 px more than the largest shift.
+    """
+    width = plane.shape[1] - 2 * pad
+    cx, scale = np.float32(centre[0]), np.float32(1 / unit**2)
+    m = per_r2.astype(np.float32)
+    whole_x, whole_y = np.empty(width, np.int32), np.empty(width, np.int32)
+    tx, ty, q, s = aligned(width), aligned(width), aligned(width), aligned(width)
+    for i in range(out.shape[0]):
+        y = start + i
+        dy = np.float32(y - centre[1])
+        for x in range(width):
+            dx = np.float32(x) - cx
+            q[x] = (dx * dx + dy * dy) * scale
+        s[:] = m[len(m) - 1]
+        for k in range(len(m) - 2, -1, -1):
+            c = m[k]
+            for x in range(width):
+                s[x] = s[x] * q[x] + c
+        for x in range(width):
+            a = (np.float32(x) - cx) * s[x]
+            f = np.floor(a)
+            whole_x[x] = np.int32(f)
+            tx[x] = a - f
+        for x in range(width):
+            b = dy * s[x]
+            f = np.floor(b)
+            whole_y[x] = np.int32(f)
+            ty[x] = b - f
+        into = out[i, pad : pad + width]
+        x0 = 0
+        while x0 < width:  # pixels that are shifted by the same whole ones are taken together
+            u, v = whole_x[x0], whole_y[x0]
+            stop = x0
+            while stop < width:
+                n = min(CHUNK, width - stop)
+                mixed = 0
+                for x in range(stop, stop + n):
+                    mixed |= (whole_x[x] ^ u) | (whole_y[x] ^ v)
+                if mixed == 0:
+                    stop += n
+                    continue
+                while whole_x[stop] == u and whole_y[stop] == v:
+                    stop += 1
+                break
+            r0 = plane[min(max(y + v - 1, 0), height - 1) - low]
+            r1 = plane[min(max(y + v, 0), height - 1) - low]
+            r2 = plane[min(max(y + v + 1, 0), height - 1) - low]
+            r3 = plane[min(max(y + v + 2, 0), height - 1) - low]
+            _cubic(r0, r1, r2, r3, pad + x0 + u - 1, tx[x0:stop], ty[x0:stop], into[x0:stop], stop - x0)
+            x0 = stop
+    extended(out, pad)
+
+
+@summing
+def _cubic(
+    r0: np.ndarray,
+    r1: np.ndarray,
+    r2: np.ndarray,
+    r3: np.ndarray,
+    at: int,
+    tx: np.ndarray,
+    ty: np.ndarray,
+    out: np.ndarray,
+    n: int,
+) -> None:
+    """Between 4 x 4 pixels, the first column ``at``, at the shares ``tx``, ``ty`` of the way from the second."""
+    a0, a1, a2, a3 = (
+        r0[at : at + n],
+        r0[at + 1 : at + 1 + n],
+        r0[at + 2 : at + 2 + n],
+        r0[at + 3 : at + 3 + n],
+    )
+    b0, b1, b2, b3 = (
+        r1[at : at + n],
+        r1[at + 1 : at + 1 + n],
+        r1[at + 2 : at + 2 + n],
+        r1[at + 3 : at + 3 + n],
+    )
+    c0, c1, c2, c3 = (
+        r2[at : at + n],
+        r2[at + 1 : at + 1 + n],
+        r2[at + 2 : at + 2 + n],
+        r2[at + 3 : at + 3 + n],
+    )
+    d0, d1, d2, d3 = (
+        r3[at : at + n],
+        r3[at + 1 : at + 1 + n],
+        r3[at + 2 : at + 2 + n],
+        r3[at + 3 : at + 3 + n],
+    )
+    one, two, half, sixth = np.float32(1), np.float32(2), np.float32(0.5), np.float32(1 / 6)
+    for x in range(n):
+        t = tx[x]
+        f, g, h = one - t, two - t, one + t
+        w0, w1, w2, w3 = -t * f * g * sixth, h * f * g * half, h * t * g * half, -h * t * f * sixth
+        s = ty[x]
+        f, g, h = one - s, two - s, one + s
+        out[x] = (
+            -s * f * g * sixth * (w0 * a0[x] + w1 * a1[x] + w2 * a2[x] + w3 * a3[x])
+            + h * f * g * half * (w0 * b0[x] + w1 * b1[x] + w2 * b2[x] + w3 * b3[x])
+            + h * s * g * half * (w0 * c0[x] + w1 * c1[x] + w2 * c2[x] + w3 * c3[x])
+            - h * s * f * sixth * (w0 * d0[x] + w1 * d1[x] + w2 * d2[x] + w3 * d3[x])
+        )
+
+
+@compiled
+def dimmed(
+    plane: np.ndarray,
+    low: int,
+    height: int,
+    out: np.ndarray,
+    start: int,
+    centre: np.ndarray,
+    a2: float,
+    a4: float,
+    unit: float,
+    pad: int,
+) -> None:
+    """out = plane times 1 + a2 q + a4 q², not below 0, q as in ``magnified``."""
+    width = plane.shape[1] - 2 * pad
+    cx, scale = np.float32(centre[0]), np.float32(1 / unit**2)
+    b2, b4, one, none = np.float32(a2), np.float32(a4), np.float32(1), np.float32(0)
+    for i in range(out.shape[0]):
+        dy = np.float32(start + i - centre[1])
+        row, into = plane[start - low + i, pad : pad + width], out[i, pad : pad + width]
+        for x in range(width):
+            dx = np.float32(x) - cx
+            q = (dx * dx + dy * dy) * scale
+            into[x] = row[x] * max(one + q * (b2 + b4 * q), none)
+    extended(out, pad)
+
+
+@summing
+def measured(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, out: np.ndarray, start: int, weights: np.ndarray, pad: int
+) -> float:
+    """out (r, W) = Σ_c weights[y % 2, x % 2, c] of the planes a, b, c: what a mosaic's sites see. Returns its sum."""
+    width = out.shape[1]
+    by_column = np.empty((2, 3, width), np.float32)
+    for i in range(2):
+        for k in range(3):
+            for x in range(width):
+                by_column[i, k, x] = weights[i, x % 2, k]
+    total = 0.0
+    for i in range(out.shape[0]):
+        w, row = by_column[(start + i) % 2], out[i]
+        p, q, r = a[i, pad : pad + width], b[i, pad : pad + width], c[i, pad : pad + width]
+        wp, wq, wr = w[0], w[1], w[2]
+        for x in range(width):
+            row[x] = wp[x] * p[x] + wq[x] * q[x] + wr[x] * r[x]
+        part = np.float32(0)
+        for x in range(width):
+            part += row[x]
+        total += float(part)
+    return total
+
+
+@summing
+def scaled(plane: np.ndarray, out: np.ndarray, factor: float, pad: int) -> float:
+    """out (r, W), rows of which may lie apart, = ``factor`` times the plane. Returns its sum."""
+    width, f, total = out.shape[1], np.float32(factor), 0.0
+    for i in range(out.shape[0]):
+        row, into = plane[i, pad : pad + width], out[i]
+        part = np.float32(0)
+        for x in range(width):
+            into[x] = f * row[x]
+            part += row[x]
+        total += float(part)
+    return total * factor
+
+
+@summing
+def binned(plane: np.ndarray, start: int, height: int, sums: np.ndarray, pad: int) -> None:
+    """Add a plane's light to ``sums`` (h, w) float64 of even cells of the image, shared by area."""
+    width = plane.shape[1] - 2 * pad
+    across, down = width / sums.shape[1], height / sums.shape[0]
+    line = np.empty(sums.shape[1], np.float64)
+    for i in range(plane.shape[0]):
+        row = plane[i, pad : pad + width]
+        for k in range(len(line)):
+            a, b = k * across, min((k + 1) * across, float(width))
+            first, last = int(np.ceil(a)), int(np.floor(b))
+            if last < first:  # within one pixel
+                line[k] = row[last] * (b - a)
+                continue
+            part = np.float32(0)
+            cells = row[first:last]
+            for x in range(last - first):
+                part += cells[x]
+            value = float(part)
+            if first > a:
+                value += row[first - 1] * (first - a)
+            if b > last and last < width:
+                value += row[last] * (b - last)
+            line[k] = value
+        y = float(start + i)
+        k = min(int(y / down), len(sums) - 1)
+        while k < len(sums) and k * down < y + 1:
+            share = min(y + 1, (k + 1) * down) - max(y, k * down)
+            if share > 0:
+                for x in range(len(line)):
+                    sums[k, x] += share * line[x]
+            k += 1
