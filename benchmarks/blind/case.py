@@ -47,7 +47,7 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     seed = int(world.integers(1 << 30))
     fine = truth.Setup(bench, errors, quality, seed, settings.cache, plan.filter)
     pilot = replace(fine, quality=Quality(9, 1), filter="box")
-    still = truth.means(pilot, [])
+    still = truth.means(pilot, []) if plan.effects else []
     causes = [_cause(name, s, fine, pilot, still, rng) for name, s in plan.effects]
     without = truth.means(fine, [])
     causes = [
@@ -110,7 +110,7 @@ def _seen(pilot: truth.Setup, cause: Cause) -> bool:
 
 def _refined(cause: Cause, wanted: float, fine: truth.Setup, without: list[np.ndarray]) -> Cause:
     """The pilot's grid is coarse: one step nearer on the fine one, where that costs no rendering."""
-    cheap = chain.is_chain(cause) or cause.form in truth.LIGHT
+    cheap = chain.is_chain(cause) or cause.form in (*truth.LIGHT, "light_beam")
     for _ in range(3 if cheap else 0):
         s = severity(without, truth.means(fine, [cause]), fine.bench.sensor.full_well)
         if s == 0 or abs(s / wanted - 1) < CLOSE:

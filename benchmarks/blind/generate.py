@@ -59,8 +59,9 @@ def main() -> None:
     p.add_argument("--size", type=int, nargs=2, default=(240, 180))
     p.add_argument("--samples", type=int, default=25, help="of a ninth of a pixel; a square number")
     p.add_argument("--workers", type=int, default=1)
+    p.add_argument("--nice", type=int, default=10)
     args = p.parse_args()
-    os.nice(10)
+    os.nice(args.nice)
     sealed = args.set == "sealed"
     if sealed and (args.vault is None or not args.name or args.seed is not None):
         p.error("a sealed set needs --vault and --name, and draws its own seed")
@@ -81,7 +82,7 @@ def main() -> None:
     from benchmarks.blind.scene_causes import RENDERED
 
     work.sort(
-        key=lambda x: any(name in RENDERED for name, _ in x.effects)
+        key=lambda x: any(name in RENDERED and name != "light_beam" for name, _ in x.effects)
     )  # what costs renderings comes last
     print(f"{len(todo)} cases, {len(work)} to make", flush=True)
     with ProcessPoolExecutor(args.workers) as pool:

@@ -112,49 +112,16 @@ def beam(lamp: Lamp, cos: np.ndarray) -> np.ndarray:
     return 1 + b1 * (cos - 1) + b2 * (1.5 * cos**2 - 1.5)
 
 
-def _lamp(mi: Any, lamp: Lamp) -> dict[str, Any]:
+def _lamp(lamp: Lamp) -> dict[str, Any]:
+    if lamp.beam != (0.0, 0.0):
+        raise ValueError(
+            "The engine draws lamps that shine everywhere alike; beam() is applied to their light."
+        )
     r = lamp.radius / 1e3
     L = lamp.intensity / 4 / (np.pi * r**2)
-    p = (np.array(lamp.position) / 1e3).tolist()
-    if lamp.beam == (0.0, 0.0):
-        return {"type": "sphere", "center": p, "radius": r,
-                "emitter": {"type": "area", "radiance": _rgb([L] * 3)}}  # fmt: skip
-    # a matte sphere whose radiance goes with its normal emits the same Legendre terms, times 2/3 and 1/4
-    b1, b2 = lamp.beam
-    from benchmarks.blind.solids import ball
-
-    s = ball(1.0, 64, 64)
-    axis = np.array(lamp.axis) / np.linalg.norm(lamp.axis)
-    x = np.cross(axis, [0.3, 0.9, 0.2])
-    x /= np.linalg.norm(x)
-    R = np.stack([x, np.cross(axis, x), axis], axis=1)
-    cos = np.linspace(1, -1, 256)
-    radiance = L * (1 - b1 - b2 + 1.5 * b1 * cos + 4 * b2 * (1.5 * cos**2 - 0.5))
-    if radiance.min() < 0:
-        raise ValueError(f"A lamp's surface must not emit less than nothing; beam {lamp.beam} would.")
-    uv = np.stack([0.5 + 0 * s.vertices[:, 2], (1 - s.vertices[:, 2]) / 2], axis=1)
-    props = mi.Properties()
-    strip = np.repeat(radiance.astype(np.float32)[:, None, None], 3, axis=2)
-    strip = np.repeat(strip, 4, axis=1)
-    props["emitter"] = mi.load_dict(
-        {
-            "type": "area",
-            "radiance": {
-                "type": "bitmap",
-                "bitmap": mi.Bitmap(np.ascontiguousarray(strip)),
-                "raw": True,
-                "wrap_mode": "clamp",
-            },
-        }
-    )
-    mesh = mi.Mesh("lamp", len(s.vertices), len(s.faces), props, False, True)
-    q = mi.traverse(mesh)
-    at = r * s.vertices @ R.T + np.array(p)
-    q["vertex_positions"] = at.astype(np.float32).ravel()
-    q["faces"] = s.faces.astype(np.uint32).ravel()
-    q["vertex_texcoords"] = uv.astype(np.float32).ravel()
-    q.update()
-    return mesh
+    centre = (np.array(lamp.position) / 1e3).tolist()
+    emitter = {"type": "area", "radiance": _rgb([L] * 3)}
+    return {"type": "sphere", "center": centre, "radius": r, "emitter": emitter}
 
 
 def _sky(mi: Any) -> dict[str, Any]:
@@ -177,7 +144,7 @@ def world(mi: Any, bench: Bench, eye: Eye, pose: int, lamp: Lamp | None, q: Qual
     }
     for part in bench.parts:
         out[part.name] = _mesh(mi, matters[part.matter], part, pose)
-    out["emission"] = _sky(mi) if lamp is None else _lamp(mi, lamp)
+    out["emission"] = _sky(mi) if lamp is None else _lamp(lamp)
     return mi.load_dict(out)
 
 

@@ -6,7 +6,7 @@ Everything up to the pixels is linear, so that each layer goes through the lens 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +17,7 @@ from benchmarks.blind.bench import Bench, Lamp, Shot
 from benchmarks.blind.chain import Cause, Frame
 from benchmarks.blind.errors import Errors
 from benchmarks.blind.scene_causes import changed
-from benchmarks.blind.tracing import Quality, guide, layer
+from benchmarks.blind.tracing import Quality, beam, guide, layer
 
 LIGHT = ("one lamp", "one lamp's colour", "sky", "bounces", "extra lamp", "translucent")
 
@@ -88,8 +88,11 @@ class _Pixels:
         if key not in self.kept:
             s = self.setup
             eye = self.bench.eyes[shot.eye]
-            found = layer(self.bench, eye, shot.pose, lamp, s.quality, s.seed, s.cache)
+            plain = None if lamp is None else replace(lamp, beam=(0.0, 0.0), axis=Lamp.axis)
+            found = layer(self.bench, eye, shot.pose, plain, s.quality, s.seed, s.cache)
             where = guide(self.bench, eye, shot.pose, s.quality, s.cache)
+            if lamp is not None and any(lamp.beam):
+                found = _shaped(found, where, lamp)
             gain = np.ones((len(self.bench.parts) + 1, 3), np.float32)
             for k, part in enumerate(self.bench.parts):
                 if part.matter in s.errors.albedo:
@@ -107,6 +110,18 @@ class _Pixels:
                 0.0 if bounced is None else through_lens(s, self.causes, gain * bounced, shot.eye),
             )
         return self.kept[key]
+
+
+def _shaped(found: dict[str, np.ndarray], where: dict[str, np.ndarray], lamp: Lamp) -> dict[str, np.ndarray]:
+    """With the lamp's beam: exact for the light that met one surface; what met more has its mean factor."""
+    d = where["position"] - np.array(lamp.position) / 1e3
+    axis = np.array(lamp.axis) / np.linalg.norm(lamp.axis)
+    factor = beam(lamp, (d @ axis) / np.maximum(np.linalg.norm(d, axis=-1), 1e-9))[..., None].astype(
+        np.float32
+    )
+    direct = factor * found["direct"]
+    mean = float(direct.sum() / max(float(found["direct"].sum()), 1e-12))
+    return {"direct": direct, "indirect": mean * found["indirect"]}
 
 
 def _translucent(
