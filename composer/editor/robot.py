@@ -64,14 +64,19 @@ class Robot:
         self.wait("A new frame", lambda: self.app.frames >= goal)
 
     def rect(self, name: str) -> Rect:
-        """Where a widget is; waits until it is there."""
+        """Where a widget is; waits until it is there and rests."""
+        last: list[tuple[Rect, int]] = []
 
-        def there() -> bool:
+        def rests() -> bool:
             found = PLACES.get(name)
-            return found is not None and self.app.drawn - found[1] <= 1
+            if found is None or self.app.drawn - found[1] > 1:
+                last.clear()
+            elif not last or last[-1][1] != found[1]:
+                last.append(found)
+            return len(last) > 2 and last[-1][0] == last[-2][0] == last[-3][0]
 
-        self.wait(f'"{name}"', there)
-        return PLACES[name][0]
+        self.wait(f'"{name}"', rests)
+        return last[-1][0]
 
     def middle(self, name: str) -> tuple[float, float]:
         x0, y0, x1, y1 = self.rect(name)

@@ -118,7 +118,7 @@ def _pictures(robot: Robot, out: Path) -> None:
 def drive(part: Path, out: Path, pictures: bool) -> int:
     """Open the window on this screen, take the steps, close it."""
     out.mkdir(parents=True, exist_ok=True)
-    app = App(Workspace(Autosave(out / "autosave")))
+    app = App(Workspace(Autosave(out / "autosave")), rests=False)
     failed: list[str] = []
 
     def run() -> None:

@@ -30,7 +30,10 @@ EACH_FRAME: list[Callable[["App"], None]] = []  # for measurements
 
 
 class App:
-    def __init__(self, workspace: Workspace) -> None:
+    """``rests``: draws only now and then while nothing happens."""
+
+    def __init__(self, workspace: Workspace, rests: bool = True) -> None:
+        self.rests = rests
         self.state = State(workspace)
         self.viewport = Viewport(self.state)
         self.tree = Tree(self.state)
@@ -143,7 +146,7 @@ class App:
             dialogs.bring_in(state, path)
         self.dropped.clear()
         keep_awake(state)
-        if self.timeline.playing:
+        if self.timeline.playing or not self.rests:
             hello_imgui.request_refresh()
         if (
             time.monotonic() - self.kept_at > AUTOSAVE_SECONDS
