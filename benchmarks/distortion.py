@@ -16,6 +16,12 @@ from rasterizer import SIZES, camera, scene
 from realtime.renderers.rasterizer import Rasterizer
 
 K = (-0.18, 0.06, 0.0005, -0.0004, -0.01, 0.0)
+WAYS = (
+    (1, "sample", "live"),
+    (4, "pixel", "×4, lit once a pixel"),
+    (4, "sample", "×4, every sample lit"),
+    (16, "sample", "×16"),
+)
 
 
 def main() -> None:
@@ -27,7 +33,7 @@ def main() -> None:
     print("| | pinhole, CPU ms | distorting lens | more |\n|---|---|---|---|")
     with Rasterizer() as rasterizer:
         for size in SIZES:
-            for samples, label in ((1, "live"), (4, "×4"), (16, "×16")):
+            for samples, shading, label in WAYS:
                 ratios, plain, bent = [], [], []
                 for step in range(options.frames + 2):
                     view = camera(size, step)
@@ -35,7 +41,7 @@ def main() -> None:
                     spent = []
                     for one in (view, distorting):
                         start = time.process_time()
-                        rasterizer.render(station, one, samples=samples)
+                        rasterizer.render(station, one, samples=samples, shading=shading)
                         spent.append(1e3 * (time.process_time() - start))
                     if step > 1:  # the first upload, and draw shadow maps
                         plain.append(spent[0])
