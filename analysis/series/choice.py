@@ -73,7 +73,8 @@ def choose_by_forest(
     """``count`` lamps that tell the classes of ``labels`` (H, W) apart, below 0 where none is known.
 
     The share ``drop`` of the lamps left is dropped at a step; the last ``count`` are ranked by dropping them one by
-    one. At most ``most`` pixels a class are trained on, and three times as many as the rarest class has. Raises BrightfieldError for fewer than two classes.
+    one. At most ``most`` pixels a class are trained on, and three times as many as the rarest class has.
+    Raises BrightfieldError for fewer than two classes.
     """
     from sklearn.ensemble import RandomForestClassifier
 

@@ -41,11 +41,12 @@ HEAD = {
 ENTRY = {"image", "direction", "position", "strength", "exposure", "mask"}
 
 
-def read(path: Path | str, without_missing: bool = False) -> Series:
+def read(path: Path | str, without_missing: bool = False, lamps_unknown: bool = False) -> Series:
     """The series of a folder, or of its ``series.json``. Images are divided by their exposure where it is given.
 
     Saturated samples are marked in ``valid``. ``without_missing`` leaves out images whose files are not there, which
-    is otherwise an error. Raises FileError with every problem of the file.
+    is otherwise an error. ``lamps_unknown``: images may lack directions, as those of a mirror sphere do; z stands for
+    them. Raises FileError with every problem of the file.
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
@@ -61,6 +62,13 @@ def read(path: Path | str, without_missing: bool = False) -> Series:
         wrong("images", "There must be a list of one image or more.")
         entries = []
     head = _head(data, wrong)
+    if lamps_unknown:
+        entries = [
+            {**e, "direction": [0, 0, 1]}
+            if isinstance(e, dict) and not {"direction", "position"} & set(e)
+            else e
+            for e in entries
+        ]
     checked = [_entry(e, f"images[{k}]", head["exposure"], wrong) for k, e in enumerate(entries)]
     if problems:
         raise FileError(problems)
@@ -355,6 +363,25 @@ def write(folder: Path | str, series: Series) -> Path:
     data |= {"camera": camera_record(series.camera)} if series.camera else {"view": series.wo.tolist()}
     write_json(folder / FILE, {**data, "images": entries})
     return folder / FILE
+
+
+def write_with_directions(path: Path, directions: np.ndarray, to: str = "calibrated.json") -> Path:
+    """``series.json`` at ``path`` once more beside itself, as ``to``, its lamps in other ``directions`` (L, 3).
+
+    Raises FileError where it has another number of images.
+    """
+    path = path / FILE if path.is_dir() else path
+    data = _json(path)
+    entries = data.get("images", [])
+    if len(entries) != len(directions):
+        message = f"It must have an image for each of {len(directions)} directions; it has {len(entries)}."
+        raise FileError(Problem(message, Where(str(path), "images")))
+    data["images"] = [
+        {**{k: v for k, v in e.items() if k != "position"}, "direction": w.tolist()}
+        for e, w in zip(entries, directions, strict=True)
+    ]
+    write_json(path.parent / to, data)
+    return path.parent / to
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:

@@ -14,6 +14,7 @@ from interchange.problems import BrightfieldError
 from interchange.series import Series
 
 SIGNIFICANT = 8.0  # a peak in standard deviations of the correlation; of noise the highest of 1e6 is below 6
+MOST = 512  # px: of a large image its middle tells as much
 AGREE = 1.0  # px within which most neighbours must tell the same
 
 
@@ -30,9 +31,11 @@ class Registration:
 
 def registration(series: Series, neighbours: int = 4, sigma: float = 1.0) -> Registration:
     """The shift of every image against the median of what its ``neighbours`` tell."""
-    edges = np.stack([_edges(g, sigma) for g in np.nan_to_num(series.grey)])
+    middle_part = tuple(slice(max(0, (n - MOST) // 2), max(0, (n - MOST) // 2) + MOST) for n in series.shape)
+    edges = np.stack([_edges(np.nan_to_num(g[middle_part]), sigma) for g in series.grey])
+    shape = edges.shape[1], edges.shape[2]
     dark = edges.reshape(len(series), -1).std(axis=1) == 0
-    window = np.outer(np.hanning(series.shape[0]), np.hanning(series.shape[1]))
+    window = np.outer(np.hanning(shape[0]), np.hanning(shape[1]))
     spectra = np.fft.rfft2((edges - edges.mean(axis=(1, 2), keepdims=True)) * window)
     closeness = series.directions @ series.directions.T
     np.fill_diagonal(closeness, -np.inf)
@@ -41,7 +44,7 @@ def registration(series: Series, neighbours: int = 4, sigma: float = 1.0) -> Reg
         if dark[k]:
             continue
         near = [j for j in np.argsort(-closeness[k], kind="stable")[:neighbours] if not dark[j]]
-        told = np.array([_shift(spectra[j], spectra[k], series.shape) for j in near]).reshape(-1, 2)
+        told = np.array([_shift(spectra[j], spectra[k], shape) for j in near]).reshape(-1, 2)
         told = told[np.isfinite(told).all(axis=1)]
         middle = np.median(told, axis=0) if len(told) else np.full(2, np.nan)
         if (np.abs(told - middle).max(axis=1) < AGREE).sum() > len(near) / 2:

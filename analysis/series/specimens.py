@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from interchange.brdf.lambert import Lambert
 from interchange.brdf.ward import Ward
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats.gprims import box
 from interchange.frames import look_at
 from interchange.material import Material, Texture, Wrap
 from interchange.mesh import Mesh
@@ -241,6 +243,34 @@ def coin(size: int = 128, seed: int = 0, field: float = 18e-3) -> Specimen:
     px, py = pixel_grid(size, field)
     truth = (np.hypot(px, py) < 8e-3).astype(np.int64)
     return _specimen(z, maps, truth, ("ground", "coin"), size, field)
+
+
+def fixture_relief(size: int = 64, gloss: float = 0.0, field: float = 16e-3) -> Specimen:
+    """A light plastic relief, a boss, a bowl and a valley, between the jaws of a fixture that stand 6 mm above it.
+
+    ``gloss``: albedo of its Ward lobe. No slope is steeper than 40 degrees, so that lamps up to 45 degrees off the
+    axis leave no part dark by itself; the jaws throw shadows and light onto it.
+    """
+    step = np.linspace(-1, 1, 2 * size + 1) * field / 2
+    x, y = np.meshgrid(step * 1e3, -step * 1e3)  # mm
+    z = 1.6 * np.exp(-((x + 3) ** 2 + (y - 3) ** 2) / (2 * 1.5**2))
+    z -= 1.9 * np.exp(-((x - 3) ** 2 + (y - 2.5) ** 2) / (2 * 1.6**2))
+    z -= 1.0 * np.exp(-((y + 3.5 + 0.1 * x) ** 2) / (2 * 0.9**2))
+    maps = {
+        "diffuse": np.full_like(z, 0.7),
+        "specular": np.full_like(z, gloss),
+        "alpha": np.full_like(z, 0.15),
+    }
+    made = _specimen(1e-3 * z, maps, np.zeros((size, size), np.int64), ("plastic",), size, field)
+    jaw = Material("/jaw", Lambert(diffuse=(0.6,) * 3))
+    jaws = []
+    for side in (-1, 1):
+        block = box(1.0)
+        pose = np.diag([2e-3, 1.2 * field, 10e-3, 1.0])
+        pose[:3, 3] = side * (field / 2 + 1.2e-3), 0, 1e-3
+        jaws.append(Body(f"/jaw{side}", block, jaw, pose))
+    scene = Scene((*made.scene.bodies, *jaws), (), made.scene.cameras)
+    return Specimen(scene, made.camera, made.truth, made.classes, made.normals)
 
 
 SPECIMENS: dict[str, Callable[[int, int], Specimen]] = {

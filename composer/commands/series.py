@@ -192,7 +192,7 @@ def _cluster_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("--classes", type=int, required=True, metavar="K")
     p.add_argument(
         "--features",
-        choices=("lafortune", "lafortune-raw", "raw", "azimuth", "harmonics"),
+        choices=("lafortune", "lafortune-raw", "raw", "azimuth", "harmonics", "rotation"),
         default="lafortune",
         help="lafortune: k_d, height and albedo of the lobe; lafortune-raw: C_z, k_d, n; raw: the images themselves",
     )
@@ -202,9 +202,10 @@ def _cluster_options(p: argparse.ArgumentParser) -> None:
 
 def _cluster(args: argparse.Namespace) -> dict[str, Any]:
     from analysis.series.clusters import adjusted_rand, k_means
+    from analysis.series.features import features
 
     series = _read(args)
-    x, names = _features(series, args.features)
+    x, names = features(series, args.features)
     found = k_means(x, args.classes, args.seed)
     write_labels(args.out, found.labels)
     about: dict[str, Any] = {
@@ -215,27 +216,6 @@ def _cluster(args: argparse.Namespace) -> dict[str, Any]:
     if args.truth is not None:
         about["adjusted_rand_index"] = adjusted_rand(found.labels, read_labels(args.truth, series.shape))
     return about
-
-
-def _features(series: Any, kind: str) -> tuple[np.ndarray, list[str]]:
-    """(H, W, F) and their names."""
-    if kind.startswith("lafortune"):
-        from analysis.series.lafortune_features import lafortune_features
-
-        found = lafortune_features(series)
-        if kind == "lafortune-raw":
-            return found.features, ["C_z", "k_d", "n"]
-        return found.additive, ["k_d", "lobe height 1/sr", "lobe albedo"]
-    if kind == "azimuth":
-        from analysis.series.azimuth_features import NAMES, azimuth_features
-
-        return azimuth_features(series), list(NAMES)
-    if kind == "harmonics":
-        from analysis.series.hemispherical_harmonics import harmonic_features
-
-        x = harmonic_features(series)
-        return x, [f"coefficient {k}" for k in range(x.shape[-1])]
-    return np.moveaxis(series.grey, 0, -1), list(series.names)
 
 
 def _normal_options(p: argparse.ArgumentParser) -> None:
@@ -300,6 +280,7 @@ def _classify_options(p: argparse.ArgumentParser) -> None:
 
 
 def _classify(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.features import features
     from analysis.series.hemispherical_harmonics import classify, harmonic_features
     from analysis.series.photometric_stereo import Method, photometric_stereo
 
@@ -307,7 +288,7 @@ def _classify(args: argparse.Namespace) -> dict[str, Any]:
     if args.own_frame and args.features == "harmonics":
         x = harmonic_features(series, photometric_stereo(series, Method.RANKS).n)
     else:
-        x, _ = _features(series, args.features)
+        x, _ = features(series, args.features)
     found = classify(x, read_labels(args.labels, series.shape))
     write_labels(args.out, found.labels)
     return {"accuracy_cross_validated": found.accuracy[0], "sd_over_folds": found.accuracy[1]}
@@ -374,24 +355,30 @@ def _lights_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("--radius", type=float, required=True, metavar="MM", help="of the mirror sphere")
     p.add_argument("--mask", type=Path, required=True, metavar="PNG", help="255 on the sphere, 0 beside it")
     p.add_argument("--plane", type=float, default=0.0, metavar="MM", help="height z that the sphere lies on")
+    p.add_argument(
+        "--apply",
+        type=Path,
+        metavar="SERIES",
+        help="write calibrated.json of this series, under the same lamps",
+    )
 
 
 def _lights(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.series.folder import read, write_with_directions
     from analysis.series.mirror_sphere import highlights, lights_of_sphere, outline_of, sphere_of_outline
     from interchange.formats import images
 
-    args.skip_registration = True  # a highlight wanders over the sphere
-    series = _read(args)
+    series = read(args.series, args.without_missing, lamps_unknown=True)
     if series.camera is None:
         raise BrightfieldError("Directions from a mirror sphere need the camera of the series.")
     mask = images.read(args.mask)[..., 0].astype(np.float64)
     mask = mask / max(float(mask.max()), 1.0)
     sphere = sphere_of_outline(series.camera, outline_of(mask), args.radius * 1e-3, args.plane * 1e-3)
     seen = lights_of_sphere(series.camera, sphere, highlights(series.grey, mask > 0.5))
-    turned = np.degrees(np.arccos(np.clip(np.sum(seen.wi * series.directions, axis=1), -1, 1)))
+    if args.apply is not None:
+        print(f"{write_with_directions(args.apply, seen.wi)} written.")
     return {
         "center_mm": (sphere.center * 1e3).tolist(),
-        "median_change_deg": float(np.median(turned)),
         "images": [
             {"image": name, "direction": w.tolist(), "highlight_px": p.tolist()}
             for name, w, p in zip(series.names, seen.wi, seen.pixels, strict=True)
