@@ -246,7 +246,7 @@ def coin(size: int = 128, seed: int = 0, field: float = 18e-3) -> Specimen:
 
 
 def fixture_relief(size: int = 64, gloss: float = 0.0, field: float = 16e-3) -> Specimen:
-    """A light plastic relief, a boss, a bowl and a valley, between the jaws of a fixture that stand 6 mm above it.
+    """A light plastic relief, a boss, a bowl and a valley, between the jaws of a fixture that stand 3 mm above it.
 
     ``gloss``: albedo of its Ward lobe. No slope is steeper than 40 degrees, so that lamps up to 45 degrees off the
     axis leave no part dark by itself; the jaws throw shadows and light onto it.
@@ -266,8 +266,8 @@ def fixture_relief(size: int = 64, gloss: float = 0.0, field: float = 16e-3) -> 
     jaws = []
     for side in (-1, 1):
         block = box(1.0)
-        pose = np.diag([2e-3, 1.2 * field, 10e-3, 1.0])
-        pose[:3, 3] = side * (field / 2 + 1.2e-3), 0, 1e-3
+        pose = np.diag([2e-3, 1.2 * field, 8e-3, 1.0])
+        pose[:3, 3] = side * (field / 2 + 1.2e-3), 0, -1e-3
         jaws.append(Body(f"/jaw{side}", block, jaw, pose))
     scene = Scene((*made.scene.bodies, *jaws), (), made.scene.cameras)
     return Specimen(scene, made.camera, made.truth, made.classes, made.normals)
