@@ -86,31 +86,38 @@ class VirtualCamera:
     def grab(self) -> bool:
         """Take the next frame: the moment is fixed, the picture is made by ``retrieve``."""
         with self._lock:
-            if not self._wait():
+            seconds = self._wait()
+            if seconds is None:
                 return False
-            self.expose_now()
+            self._expose(seconds)
             return True
 
-    def _wait(self) -> bool:
-        """Until the next frame is due, or triggered; a change of settings holds at once. False: it never came."""
+    def _wait(self) -> float | None:
+        """Until the next frame is due, or triggered; a change of settings holds at once. The scene's time of the
+        frame: when it was due, by which all cameras of a scene agree, however late this machine is. None: it never
+        came."""
         until = time.monotonic() + self.timeout
         with self._changed:
             while self._open:
-                settings, now = self._settings, time.monotonic()
-                if settings.triggered and self._triggers:
-                    self._triggers -= 1
-                    self._pace.took(now, now, settings.period)
-                    return True
-                if settings.triggered and now >= until:
-                    return False
-                if not (settings.triggered or self.scene.live):
-                    return True
-                due = until if settings.triggered else self._pace.due(settings.period, now)
-                if now >= due:
-                    self._pace.took(now, due, settings.period)
-                    return True
-                self._changed.wait(due - now)
-        return False
+                settings, now = self._settings, self.scene.elapsed()
+                if settings.triggered:
+                    if self._triggers:
+                        self._triggers -= 1
+                        return (
+                            self._pace.took(now, now, settings.period) if self.scene.live else self._seconds
+                        )
+                    left = until - time.monotonic()
+                    if left <= 0:
+                        return None
+                elif self.scene.live:
+                    due = self._pace.due(settings.period, now)
+                    left = due - now
+                    if left <= 0:
+                        return self._pace.took(now, due, settings.period)
+                else:
+                    return self._seconds
+                self._changed.wait(left)
+        return None
 
     def retrieve(self) -> tuple[bool, np.ndarray | None]:
         """The picture of the frame that ``grab`` took; the same one if asked again."""
@@ -185,11 +192,9 @@ class VirtualCamera:
             self._triggers += 1
             self._changed.notify_all()
 
-    def expose_now(self) -> Truth:
-        """Take a frame without waiting for its time: for a transport that has its own clock."""
+    def _expose(self, seconds: float) -> None:
         with self._lock, self._taking:
             settings = self._settings
-            seconds = self.scene.elapsed() if self.scene.live else self._seconds
             moment = self.scene.at(seconds)
             self._number += 1
             self._seconds += settings.period
@@ -206,7 +211,6 @@ class VirtualCamera:
                 moment.encoders,
             )
             self._taken = truth, settings
-            return truth
 
     def develop(self) -> Frame:
         """The frame that was taken last: drawn, exposed, read out."""

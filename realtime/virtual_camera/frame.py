@@ -14,8 +14,9 @@ from realtime.virtual_camera.pixel_format import PixelFormat
 class Truth:
     """What was so when the exposure of frame ``number`` (1, 2, 3, ...) began.
 
-    ``stamp_ns``: UTC, ns since 1970, by this machine's clock; ``seconds`` of the moving scene; ``time``: the scene's
-    time code. ``scene`` and ``camera`` as they were drawn, the camera's sensor, exposure time and gain included.
+    ``stamp_ns``: UTC, ns since 1970, by this machine's clock; ``seconds`` of the moving scene, at which the frame was
+    due; ``time``: the scene's time code. ``scene`` and ``camera`` as they were drawn, the camera's sensor, exposure
+    time and gain included.
     ``region`` (x, y, width, height) px of the sensor that the frame shows. ``belts`` in m, ``encoders`` in pulses.
     """
 

@@ -1,7 +1,8 @@
 """When frames are due: the grid in time that a camera's exposures follow, and how well they kept to it.
 
-A frame is due one period after the last one was due, so errors do not add up; a camera that was too slow leaves out
-whole periods and counts them. Jitter is the spread of (start of exposure - when it was due).
+Frames are due at whole multiples of the period since the scene began, so errors do not add up and cameras of one rate
+expose together; a camera that was too slow leaves out whole periods and counts them. Jitter is the spread of (start of
+exposure - when it was due).
 """
 
 from collections import deque
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+SAME = 1e-6  # of a period: what rounding leaves
 KEPT = 10_000  # exposures that the statistics look back on
 
 
@@ -25,7 +27,7 @@ class Timing:
 
 
 class Pace:
-    """Times are those of one clock, s."""
+    """Times are s since the scene began."""
 
     def __init__(self) -> None:
         self._last: float | None = None
@@ -35,17 +37,20 @@ class Pace:
         self.missed = 0
 
     def due(self, period: float, now: float) -> float:
-        """When the next frame is due; the first one is at once."""
-        return now if self._last is None else self._last + period
+        """When the next frame is due."""
+        if self._last is None:  # as if there had been a frame before
+            self._last = float((np.ceil(now / period - SAME) - 1) * period)
+        return float((np.floor(self._last / period + SAME) + 1) * period)
 
-    def took(self, now: float, due: float, period: float) -> None:
-        """A frame that was ``due`` was begun at ``now``."""
-        gone = max(0, int((now - due) / period))
+    def took(self, now: float, due: float, period: float) -> float:
+        """A frame that was ``due`` is begun at ``now``; which time it is the frame of."""
+        gone = max(0, int((now - due) / period + SAME))
         self.missed += gone
         self.frames += 1
         self._last = due + gone * period
         self._late.append(now - self._last)
         self._starts.append(now)
+        return self._last
 
     @property
     def timing(self) -> Timing:

@@ -5,16 +5,14 @@ import mmap
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from interchange.problems import BrightfieldError
-from realtime.virtual_camera.ring import NEWEST, NEWEST_AT, PAGE, SLOT, Layout
+from realtime.virtual_camera.ring import FOLDER, NEWEST, NEWEST_AT, PAGE, SLOT, Layout
 
-FOLDER = Path("/dev/shm")  # where Linux has POSIX shared memory
 NAP = 2e-4  # s between looks: a fraction of any frame's period
 
 

@@ -9,7 +9,9 @@ frame n and nothing else.
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 
+FOLDER = Path("/dev/shm")  # where Linux has POSIX shared memory
 MAGIC, VERSION = 0x424647524E495231, 1
 HEAD = struct.Struct("<10Q16sQQ")
 NEWEST = struct.Struct("<Q")

@@ -16,7 +16,7 @@ import numpy as np
 from interchange.problems import BrightfieldError
 from realtime.virtual_camera.frame import Frame
 from realtime.virtual_camera.publisher import Publisher
-from realtime.virtual_camera.ring import NEWEST, NEWEST_AT, PAGE, SLOT, Layout
+from realtime.virtual_camera.ring import FOLDER, NEWEST, NEWEST_AT, PAGE, SLOT, Layout
 from realtime.virtual_camera.transports.base import Transport
 
 SLOTS = 8
@@ -102,15 +102,15 @@ def _create(name: str, size: int) -> shared_memory.SharedMemory:
     try:
         return shared_memory.SharedMemory(name, create=True, size=size)
     except FileExistsError:
-        old = shared_memory.SharedMemory(name)
-        layout = Layout.read(memoryview(bytes(old.buf[:PAGE]))) if old.buf is not None else None
-        old.close()
-        if layout is not None and _lives(layout.pid):
-            raise BrightfieldError(
-                f"Process {layout.pid} streams to the shared memory {name} already; stop it, or name another camera."
-            ) from None
-        with contextlib.suppress(FileNotFoundError):
-            old.unlink()
+        # not by SharedMemory: Python's resource tracker would take the name away from whoever has it
+        with contextlib.suppress(FileNotFoundError), open(FOLDER / name, "rb") as file:
+            layout = Layout.read(memoryview(file.read(PAGE)))
+            if layout is not None and _lives(layout.pid):
+                raise BrightfieldError(
+                    f"Process {layout.pid} streams to the shared memory {name} already; stop it, or name another "
+                    "camera."
+                ) from None
+        (FOLDER / name).unlink(missing_ok=True)
         return shared_memory.SharedMemory(name, create=True, size=size)
     except OSError as error:
         why = error.strerror or str(error)

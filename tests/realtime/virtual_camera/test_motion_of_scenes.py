@@ -139,4 +139,6 @@ def test_a_pace_keeps_to_its_grid_and_counts_what_it_misses():
     np.testing.assert_allclose(starts, [0.0, 0.1, 0.2, 0.55, 0.6])
     assert clock.missed == 2
     assert clock.timing.frames == 5
-    assert clock.due(0.5, now) == pytest.approx(101.1)  # another period, from the last frame on
+    assert clock.due(0.5, now) == pytest.approx(101.0)  # another period: the next multiple of that
+    late = Pace()
+    assert late.due(0.1, 100.23) == pytest.approx(100.3)  # a camera that begins later is due with the others

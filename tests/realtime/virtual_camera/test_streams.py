@@ -281,6 +281,30 @@ def test_another_process_reads_a_camera_and_its_end_takes_nothing_away(empty, li
         SharedReader(name)
 
 
+WRITER = """
+import sys
+from interchange.problems import BrightfieldError
+from realtime.virtual_camera.transports.shm import _create
+try:
+    _create(sys.argv[1], 8192)
+except BrightfieldError as error:
+    print(error)
+"""
+
+
+def test_a_writer_that_is_refused_leaves_the_ring_to_whom_it_belongs(empty, live):
+    ring = Ring(ring_of(empty), frame_of(empty, live))
+    try:
+        refused = subprocess.run(
+            [sys.executable, "-c", WRITER, ring.name], capture_output=True, check=True, timeout=60, text=True
+        )
+        assert f"Process {os.getpid()} streams" in refused.stdout
+        assert refused.stderr == ""
+        SharedReader(ring.name).close()
+    finally:
+        ring.close()
+
+
 def test_a_ring_whose_writer_is_gone_is_replaced_and_a_living_one_is_not(empty, live):
     frame = frame_of(empty, live)
     name = ring_of(empty)

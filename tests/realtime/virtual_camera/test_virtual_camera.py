@@ -222,3 +222,16 @@ def test_a_frame_cannot_be_changed(empty, live):
 def test_what_cannot_be_is_one_clear_error(empty, live, wrong, message):
     with pytest.raises(BrightfieldError, match=message):
         VirtualCamera(empty, **{"camera": "Top", "draw": live.Pattern(), **wrong})
+
+
+def test_live_cameras_of_one_rate_show_the_same_moments(empty, live):
+    """Whenever they were started, and however late the machine is: frames are of multiples of the period."""
+    scene = MovingScene(empty, live=True)
+    pair = [VirtualCamera(scene, name, draw=live.Pattern(), frame_rate=200) for name in ("Top", "Side")]
+    seconds = []
+    for camera in pair:
+        with camera:
+            seconds.append([camera.take().truth.seconds for _ in range(5)])
+    grid = np.array(seconds) * 200
+    np.testing.assert_allclose(grid, np.rint(grid), atol=1e-6)
+    assert (np.diff(grid) > 0.5).all()
