@@ -8,7 +8,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,8 @@ def _capture_options(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--camera", default="", metavar="PRIM")
     p.add_argument("--time", type=float, default=0.0, help="time code")
-    p.add_argument("--size", type=int, default=128, metavar="PX", help="of plastic, board and coin")
+    p.add_argument("--width", type=int, metavar="PX", help="of the images (default: the camera's; 128)")
+    p.add_argument("--ambient", action="store_true", help="leave the scene's own lamps on")
     p.add_argument("--seed", type=int, default=0, help="of plastic, board and coin, and of the noise")
     p.add_argument("--lamps", choices=("reflector", "dome", "distant"), default="reflector")
     p.add_argument("--azimuths", type=int, default=24)
@@ -108,13 +109,18 @@ def _capture(args: argparse.Namespace) -> dict[str, Any]:
     from interchange.formats import images
     from interchange.formats.document import open_scene
 
+    if args.width is not None and not 8 <= args.width <= 32768:
+        raise BrightfieldError(f"--width must lie in [8, 32768] px; got {args.width}.")
     if args.scene in SPECIMENS:
-        specimen = SPECIMENS[args.scene](args.size, args.seed)
+        specimen = SPECIMENS[args.scene](128 if args.width is None else args.width, args.seed)
         scene, camera = specimen.scene, specimen.camera
         images.write(args.out / "truth.png", specimen.truth.astype(np.uint8))
     else:
         scene = open_scene(args.scene).scene(args.time)
         camera = scene.camera(args.camera)
+        camera = camera if args.width is None else camera.resized(args.width)
+    if not args.ambient:
+        scene = replace(scene, lights=())
     low, high = scene.bounds
     at = np.array([*(low + high)[:2] / 2, high[2]]) if args.at is None else np.array(args.at) * 1e-3
     with renderer("offline" if args.offline else "realtime", args.samples) as (render, settings):
@@ -149,10 +155,9 @@ def _lightings(args: argparse.Namespace, at: np.ndarray) -> Any:
     if args.azimuths < 1 or args.polar < 1:
         raise BrightfieldError("--azimuths and --polar must be 1 or more.")
     if args.lamps == "reflector":
-        device = ReflectorDevice(world_from_device=pose)
-        return lightings.reflector(device, args.azimuths, args.polar)
-    low, high = np.radians(args.polar_range or (15.0, 75.0))
-    angles = lightings.hemisphere(np.linspace(low, high, args.polar), args.azimuths)
+        return lightings.reflector(ReflectorDevice(world_from_device=pose), args.azimuths, args.polar)
+    theta = np.radians(np.linspace(*(args.polar_range or (15.0, 75.0)), args.polar))
+    angles = lightings.hemisphere(theta, args.azimuths)
     if args.lamps == "dome":
         return lightings.dome(angles, args.radius * 1e-3, at=at)
     return lightings.distant(angles)

@@ -34,7 +34,7 @@ def test_clusters_take_the_names_of_what_they_show():
 def plate(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plate")
     words = [
-        "--size",
+        "--width",
         "32",
         "--azimuths",
         "8",
