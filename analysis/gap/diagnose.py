@@ -106,7 +106,7 @@ def diagnose(
     noise = noise_fit(all_of_them)
     if noise is not None and noise.probability >= PRESENT:
         findings.append(_noise_finding(noise, shrunk.after))
-    findings.sort(key=lambda f: -f.probability)
+    findings.sort(key=lambda f: (-f.probability, -f.share))
     unknown = _unknown(fitted)
     told("where", 0.0)
     where = _ledger(all_of_them, fitted)
@@ -248,7 +248,7 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
 
 
 def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Finding]:
-    best, sigma = fitted.best, uncertainty(fitted)
+    sigma = uncertainty(fitted)
     everything = frozenset(attribution.players)
     out = []
     for name in (n for n in attribution.players if n in CATALOGUED):

@@ -169,4 +169,6 @@ def write_text(path: Path, text: str) -> None:
 
 
 def names(findings: Sequence[Finding]) -> str:
-    return ", ".join(f.name.replace("_", " ") for f in findings)
+    """ "vignetting, defocus and exposure"."""
+    words = [f.name.replace("_", " ") for f in findings]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -1,64 +1,61 @@
 """The diagnosis on one page, for people: a self-contained HTML file, plain words first, then pictures and tables."""
 
-import base64
 import html
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from string import Template
 
-import cv2
 import numpy as np
 
+from analysis.compare.slider import SCRIPT, STYLE, data_uri, slider
 from analysis.gap.diagnose import Diagnosed
-from analysis.gap.diagnosis import Diagnosis, Finding, names, write_text
+from analysis.gap.diagnosis import Diagnosis, Finding, stage_of, write_text
 from analysis.gap.ledger import NOISE, Share
+from analysis.gap.report_pictures import gap_map, shown, waterfall
+from analysis.gap.report_words import evidence, meaning, next_captures, number, plain, sentence, why, why_not
 from interchange.captures import Captures
-from interchange.formats.images import encode_srgb
 from interchange.parameter import parameters
 
 SHOWN = 4  # captures
-RED = 4.0  # σ at which the map is fully coloured
+BARS = 8  # of one kind of region; the rest is put together
 TITLES = {
     "material": "material", "object": "object", "light": "lit, shadow, edge, highlight", "zone": "part of the image",
     "frequency": "spatial frequency", "channel": "channel", "lamp": "lamp", "capture": "capture",
     "fixed to": "what it is fixed to",
 }  # fmt: skip
-
-
-def sentence(d: Diagnosis) -> str:
-    """The verdict in one sentence or two."""
-    g = d.gap
-    closing = f"{100 * d.gap.explained:.0f} % of what can be closed on captures that nothing was fitted to"
-    match d.verdict:
-        case "none":
-            return (
-                f"No unmodelled effect was found: the captures are what the scene file says, within its tolerances "
-                f"(chi {g.before:.2f}, noise {g.noise_floor:.2f})."
-            )
-        case "effects":
-            return f"The gap comes from {names(d.effects)}; adding that closes {closing}."
-        case "unknown":
-            return f"There is a gap that no effect of the catalogue explains: {d.unknown[0][0]}."
-        case _:
-            return (
-                f"The gap comes from {names(d.effects)} and from something that the catalogue does not have "
-                f"({d.unknown[0][0]}); together that closes {closing}."
-            )
+STRIP = ("capture", "after", "gap before", "gap after")
+EXPLAINED = {
+    "as written": "the scene file, rendered as it is",
+    "before": "the scene file where it fits best within its tolerances",
+    "after": "that, with the effects that were found",
+    "noise": "the sensor's noise: no simulation can be nearer",
+}
 
 
 def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
     """Write the page beside its place, and rename it there."""
     d = found.diagnosis
     template = Template((Path(__file__).parent / "report.html").read_text(encoding="utf-8"))
+    kind = {"none": "good", "effects": "bad"}.get(d.verdict, "odd")
+    count = len(captures.captures)
     page = template.substitute(
+        scene=html.escape(captures.scene.name),
+        source=html.escape(
+            f"{captures.file.name} · {captures.scene.name} · {count} captures, {len(found.conditions)} conditions, "
+            f"{len(found.held_out)} held out"
+        ),
         verdict=html.escape(sentence(d)),
-        kind="good" if d.verdict == "none" else "bad",
+        kind=kind,
+        tiles=_tiles(d),
+        slider=_slider(found),
+        effects="".join(_effect(f, found) for f in d.effects) or "<p>None of the catalogue.</p>",
+        unknown=_unknown(d),
+        waterfall=waterfall(d.waterfall, d.gap.as_written**2),
         gap=_gap(d),
-        effects=_effects(d.effects) if d.effects else "<p>None.</p>",
-        unknown="".join(f"<li>{html.escape(w)} (p = {p:.3f})</li>" for w, p in d.unknown)
-        or "<li>Nothing.</li>",
-        pictures=_pictures(found),
+        verification=_verification(d),
+        next=_list(next_captures(d, found.conditions, found.fit))
+        or "<p>Nothing more is needed to tell these effects.</p>",
         ledger="".join(_kind(kind, d.where.of(kind)) for kind in TITLES if d.where.of(kind)),
         total=f"{d.where.total:.3f}",
         floor=f"{d.where.noise:.3f}",
@@ -69,50 +66,158 @@ def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
         tolerances=_tolerances(captures),
         notes="".join(f"<li>{html.escape(n)}</li>" for n in d.notes),
         seconds=f"{d.seconds:.0f}",
+        corrected=html.escape(d.corrected_scene),
+        style=STYLE,
+        script=SCRIPT,
     )
     write_text(path, page)
 
 
-def _gap(d: Diagnosis) -> str:
+def _tiles(d: Diagnosis) -> str:
     g = d.gap
-    rows = [
-        (
-            "before",
-            f"{g.before:.3f}",
-            f"{g.ci95_before[0]:.3f} to {g.ci95_before[1]:.3f}",
-            f"{g.rmse_dn_before:.2f}",
-        ),
-        (
-            "after",
-            f"{g.after:.3f}",
-            f"{g.ci95_after[0]:.3f} to {g.ci95_after[1]:.3f}",
-            f"{g.rmse_dn_after:.2f}",
-        ),
-        ("noise", f"{g.noise_floor:.3f}", "", ""),
+    tiles = [
+        (f"{g.before:.2f} → {g.after:.2f}", f"gap χ before → after; noise {g.noise_floor:.2f}"),
+        (f"{g.rmse_dn_before:.1f} → {g.rmse_dn_after:.1f} DN", "rms difference of a pixel, noise included"),
     ]
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    held = html.escape(", ".join(g.held_out))
+    if d.effects or d.unknown:
+        tiles.insert(1, (f"{100 * g.explained:.0f} %", "of what can be closed is closed"))
+    if d.edges:
+        e = d.edges
+        tiles.append(
+            (
+                f"{e.before.rms:.3f} → {e.after.rms:.3f} px",
+                f"edges, rms; noise alone gives {e.after.floor:.3f}",
+            )
+        )
+    if d.metric:
+        m = d.metric
+        tiles.append(
+            (f"{m.error('before'):.4g} → {m.error('after'):.4g}", f"error of {html.escape(m.name)}, rms")
+        )
+    if d.verification:
+        v = d.verification
+        mark = "✓ holds" if v.holds else "✗ does not hold"
+        tiles.append((mark, f"rendered anew from the corrected scene: χ {v.rendered:.2f}"))
+    return "".join(f'<div class="tile"><b>{value}</b><span>{words}</span></div>' for value, words in tiles)
+
+
+def _slider(found: Diagnosed) -> str:
+    cases = {}
+    for k, c in enumerate(found.held_out[:SHOWN]):
+        lamps = ", ".join(n.rsplit("/", 1)[-1] for n in c.lamps) or "no lamp"
+        words = f"{c.name}: {c.camera.name.rsplit('/', 1)[-1]}, {lamps}, {c.camera.t_exp:g} s"
+        cases[words] = _pictures(found, k)
+    first, pictures = next(iter(cases.items()))
+    thumbs = "".join(
+        f'<figure><img src="{data_uri(pictures[n])}" alt=""><figcaption>{n}</figcaption></figure>'
+        for n in STRIP
+    )
+    return f'{slider(cases, "capture", "before")}<h3>{html.escape(first)}</h3><div class="row">{thumbs}</div>'
+
+
+def _pictures(found: Diagnosed, k: int) -> dict[str, np.ndarray]:
+    c, s = found.held_out[k], found.simulations
+    model = c.simulated()
+    sigma = np.sqrt(model.temporal / len(c.captures) + model.fixed)
+    top = max(float(np.percentile(c.mean, 99.5)) - model.black, 1.0)
+    ok = c.usable(model)
+    images = {"capture": c.mean, "as written": s.as_written[k], "before": s.before[k], "after": s.after[k]}
+    out = {name: shown((image - model.black) / top) for name, image in images.items()}
+    for name in ("as written", "before", "after"):
+        out[f"gap {name}"] = gap_map((c.mean - images[name]) / sigma, ok)
+    return out
+
+
+def _effect(f: Finding, found: Diagnosed) -> str:
+    rows = "".join(
+        f"<tr><td>{html.escape(n)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
+        f"<td>{number(p.value - 1.96 * p.sigma, p.sigma)} to {number(p.value + 1.96 * p.sigma, p.sigma)}</td>"
+        f"<td>{html.escape('' if p.unit == '1' else p.unit)}</td></tr>"
+        for n, p in f.parameters.items()
+    )
+    head = "<tr><th>parameter</th><th class=n>value</th><th class=n>σ</th><th>95 %</th><th></th></tr>"
+    table = f"<table>{head}{rows}</table>"
+    mark = why(f.name)
+    seen = f"<dt>What gives it away</dt><dd>{html.escape(mark)}</dd>" if mark else ""
+    noise = "It changes the noise and no mean: it is judged on repeats."
+    said = noise if f.name == "sensor_noise" else evidence(found.fit, f)
+    rivals = "".join(f"<dd>{html.escape(w)}</dd>" for w in why_not(f)[:4]) or "<dd>Nothing looks alike.</dd>"
+    against = (
+        "<dd>What it takes off is below 0: it works against another effect, and shows beside it alone.</dd>"
+    )
+    said_so = against if f.share < 0 else ""
+    advice = f"<dt>To tell them apart</dt><dd>{html.escape(f.separate_by)}</dd>" if f.separate_by else ""
     return (
-        f"<table><tr><th></th><th>chi</th><th>95 %</th><th>rms, DN</th></tr>{body}</table>"
-        f"<p>Measured on {held}. Intervals hold for these conditions.</p>"
+        f'<div class="effect"><h3>{plain(f.name)}<span>{stage_of(f.name)} · probability {f.probability:.3f} · '
+        f"takes off {100 * f.share:.0f} % of χ² · "
+        f"χ without it {f.gap_without:.2f}, with it {f.gap_with:.2f}</span></h3>"
+        f'<div class="meter"><div style="width:{100 * f.probability:.1f}%"></div></div>'
+        f"<p>{html.escape(meaning(f.name))}</p>"
+        f'<div class="two"><div>{table}</div><dl><dt>Why</dt><dd>{html.escape(said)}</dd>{said_so}{seen}'
+        f"<dt>Why not something else</dt>{rivals}{advice}</dl></div></div>"
     )
 
 
-def _effects(findings: Sequence[Finding]) -> str:
+def _unknown(d: Diagnosis) -> str:
+    if not d.unknown:
+        return ""
+    rows = _list([f"{words[:1].upper()}{words[1:]} (probability {p:.3f})." for words, p in d.unknown])
+    return f"<h3>Outside the catalogue</h3>{rows}"
+
+
+def _gap(d: Diagnosis) -> str:
+    g, e, m = d.gap, d.edges, d.metric
+    head = "<tr><th></th><th class=n>χ</th><th>95 %</th><th class=n>rms, DN</th>"
+    head += "<th class=n>edges, rms px</th><th class=n>mean px</th>" if e else ""
+    head += f"<th class=n>error of {html.escape(m.name)}</th>" if m else ""
     rows = []
-    for f in findings:
-        values = "<br>".join(
-            html.escape(f"{n} = {p.value:.4g} ± {p.sigma:.2g}{'' if p.unit == '1' else ' ' + p.unit}")
-            for n, p in f.parameters.items()
+    for name, chi, interval, dn in (
+        ("as written", g.as_written, None, g.rmse_dn_as_written),
+        ("before", g.before, g.ci95_before, g.rmse_dn_before),
+        ("after", g.after, g.ci95_after, g.rmse_dn_after),
+    ):
+        key = name.replace(" ", "_")
+        cells = [f"<b>{name}</b>: {EXPLAINED[name]}", f"{chi:.3f}"]
+        cells += [f"{interval[0]:.3f} to {interval[1]:.3f}" if interval else "", f"{dn:.2f}"]
+        if e:
+            cells += [f"{getattr(e, key).rms:.3f}", f"{getattr(e, key).mean:+.3f}"]
+        if m:
+            cells.append(f"{m.error(key):.4g}")
+        rows.append(cells)
+    last = [f"<b>noise</b>: {EXPLAINED['noise']}", f"{g.noise_floor:.3f}", "", ""]
+    rows.append([*last, *([f"{e.after.floor:.3f}", ""] if e else []), *([""] if m else [])])
+    body = "".join(
+        f"<tr><td>{row[0]}</td><td class=n>{row[1]}</td><td>{row[2]}</td>"
+        + "".join(f"<td class=n>{cell}</td>" for cell in row[3:])
+        + "</tr>"
+        for row in rows
+    )
+    held = html.escape(", ".join(g.held_out))
+    places = f" Edges: {e.after.count} places where objects or materials meet." if e else ""
+    return (
+        f"<table>{head}</tr>{body}</table><p class=soft>Measured on {held}. Bars: mean χ² that each step takes off; "
+        f"with several effects these are Shapley's shares. Intervals hold for these conditions.{places}</p>"
+    )
+
+
+def _verification(d: Diagnosis) -> str:
+    v = d.verification
+    if v is None:
+        reason = (
+            "Nothing was corrected."
+            if not d.effects
+            else "The corrected scene was not rendered anew (--no-verify)."
         )
-        rivals = html.escape(", ".join(f"{n} ({p:.2f})" for n, p in f.rivals) or "none near")
-        advice = f"<br>To tell them apart: {html.escape(f.separate_by)}." if f.separate_by else ""
-        rows.append(
-            f"<tr><td><b>{f.name.replace('_', ' ')}</b></td><td>{f.probability:.3f}</td><td>{values}</td>"
-            f"<td>{f.gap_without:.3f} → {f.gap_with:.3f}</td><td>{rivals}{advice}</td></tr>"
-        )
-    head = "<tr><th>effect</th><th>probability</th><th>parameters</th><th>chi without → with</th><th>rivals</th></tr>"
-    return f"<table>{head}{''.join(rows)}</table>"
+        return f"<p>{reason}</p>"
+    mark = '<span class="mark yes">Yes.</span>' if v.holds else '<span class="mark no">No.</span>'
+    words = "agrees within 10 %" if v.holds else "differs by more than 10 %"
+    return (
+        f"<p>{mark} The simulator rendered the held-out captures anew from "
+        f"<code>{html.escape(d.corrected_scene)}</code>: χ {v.rendered:.3f} where {v.claimed:.3f} was predicted, "
+        f"which {words}. Calibration's errors within the "
+        f"tolerances are taken out of both alike; with the file as it is, χ is {v.as_written:.3f} "
+        f"(the original file: {d.gap.as_written:.3f}).</p>"
+    )
 
 
 def _ranking(found: Diagnosed) -> str:
@@ -120,69 +225,40 @@ def _ranking(found: Diagnosed) -> str:
     rows = []
     for h in found.fit.hypotheses[:10]:
         words = (
-            " + ".join(f"{a.replace('_', ' ')} {b.rsplit('/', 1)[-1]}".strip() for a, b in h.causes) or "none"
+            " + ".join(f"{plain(a)} {b.rsplit('/', 1)[-1]}".strip() for a, b in h.causes)
+            or "nothing but tolerances"
         )
-        rows.append(f"<tr><td>{html.escape(words)}</td><td>{h.score - best.score:+.1f}</td></tr>")
-    return f"<table><tr><th>hypothesis</th><th>log odds to the best</th></tr>{''.join(rows)}</table>"
+        rows.append(f"<tr><td>{html.escape(words)}</td><td class=n>{h.score - best.score:+.1f}</td></tr>")
+    return f"<table><tr><th>explanation</th><th class=n>log odds to the best</th></tr>{''.join(rows)}</table>"
 
 
 def _tolerances(captures: Captures) -> str:
     about = parameters(captures.tolerances)
-    rows = [
-        f"<tr><td>{f.name}</td><td>{getattr(captures.tolerances, f.name):g}</td><td>{about[f.name].meaning}</td></tr>"
+    rows = "".join(
+        f"<tr><td><code>{f.name}</code></td><td class=n>{getattr(captures.tolerances, f.name):g}</td>"
+        f"<td>{about[f.name].meaning}{'' if about[f.name].unit == '1' else ', ' + about[f.name].unit}</td></tr>"
         for f in fields(captures.tolerances)
-    ]
-    return f"<table>{''.join(rows)}</table>"
+    )
+    return f"<table>{rows}</table>"
 
 
 def _kind(kind: str, shares: Sequence[Share]) -> str:
-    most = max(abs(s.share) for s in shares) or 1.0
+    regions, noise = [s for s in shares if s.name != NOISE], [s for s in shares if s.name == NOISE]
+    kept = regions
+    if len(regions) > BARS:
+        kept = regions[: BARS - 1]
+        rest = regions[BARS - 1 :]
+        kept.append(Share(kind, f"{len(rest)} others", sum(s.share for s in rest)))
+    most = max(abs(s.share) for s in [*kept, *noise]) or 1.0
     rows = []
-    for s in shares:
-        width = 100 * abs(s.share) / most
+    for s in [*kept, *noise]:
         colour = "#b9c2c9" if s.name == NOISE else "#b5382a" if s.share >= 0 else "#2f7d4f"
         rows.append(
-            f"<tr><td>{html.escape(s.name)}</td><td>{100 * s.share:.1f} %</td>"
-            f'<td class="bar"><div style="width:{width:.1f}%;background:{colour}"></div></td></tr>'
+            f"<tr><td>{html.escape(s.name)}</td><td class=n>{100 * s.share:.1f} %</td>"
+            f'<td class="bar"><div style="width:{100 * abs(s.share) / most:.1f}%;background:{colour}"></div></td></tr>'
         )
     return f"<div><h3>{TITLES[kind]}</h3><table>{''.join(rows)}</table></div>"
 
 
-def _pictures(found: Diagnosed) -> str:
-    held = [c for c in found.conditions if c.held_out][:SHOWN]
-    out = []
-    for c in held:
-        model = c.simulated()
-        sigma = np.sqrt(model.temporal / len(c.captures) + model.fixed)
-        top = max(float(np.percentile(c.mean, 99.5)) - model.black, 1.0)
-        before, after = found.fit.before.simulated(c), found.fit.after.simulated(c)
-        ok = c.usable(model)
-        tiles = [
-            ("capture", _shown((c.mean - model.black) / top)),
-            ("simulation before", _shown((before - model.black) / top)),
-            ("gap before, σ", _map((c.mean - before) / sigma, ok)),
-            ("gap after, σ", _map((c.mean - after) / sigma, ok)),
-        ]
-        cells = "".join(f"<figure>{_image(p)}<figcaption>{t}</figcaption></figure>" for t, p in tiles)
-        out.append(f"<h3>{html.escape(c.name)}</h3><div class='row'>{cells}</div>")
-    return "".join(out)
-
-
-def _shown(values: np.ndarray) -> np.ndarray:
-    picture = np.rint(255 * encode_srgb(np.clip(values, 0, 1)))
-    return np.broadcast_to(picture, (*picture.shape[:2], 3)).astype(np.uint8)
-
-
-def _map(z: np.ndarray, ok: np.ndarray) -> np.ndarray:
-    """Red where the capture is brighter than the simulation, blue where it is darker, grey where nothing counts."""
-    mean = cv2.blur(np.ascontiguousarray(z.mean(axis=2), np.float32), (3, 3))
-    t = np.clip(mean / RED, -1, 1)[..., None]
-    red, blue, white = np.array([181, 56, 42]), np.array([38, 84, 150]), np.array([255, 255, 255])
-    picture = np.where(t > 0, white + t * (red - white), white - t * (blue - white))
-    picture[~ok] = (200, 200, 200)
-    return np.asarray(np.rint(picture), np.uint8)
-
-
-def _image(picture: np.ndarray) -> str:
-    data = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
-    return f'<img src="data:image/png;base64,{base64.b64encode(data).decode()}" alt="">'
+def _list(lines: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{html.escape(x)}</li>' for x in lines)}</ul>" if lines else ""

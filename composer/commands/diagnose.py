@@ -44,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
     from analysis.gap.diagnose import diagnose
     from analysis.gap.diagnosis import write
     from analysis.gap.renderers import renderer
-    from analysis.gap.report import sentence, write_report
+    from analysis.gap.report import write_report
+    from analysis.gap.report_words import sentence
     from interchange.formats import captures as captures_file
     from interchange.formats.document import open_scene
 

@@ -315,3 +315,36 @@ def _inputs(shader: Any, before: Any, after: Any, name: str, lose: Lose) -> None
             continue
         there = there or shader.CreateInput(parameter, TYPES[about.kind, about.per_lobe])
         there.Set(usd_value(new, about.kind, about.per_lobe))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A new time code: the poses of time code ``like``, and ``lamps`` on as bright as they ever are, the others off."""
+
+    time: float
+    like: float
+    lamps: tuple[str, ...]
+
+
+def author_moments(
+    stage: Usd.Stage, times: Sequence[float], lamps: Sequence[str], moments: Sequence[Moment]
+) -> None:
+    """Add time codes to a stage, behind its own (``times``); ``lamps``: the prim paths of all of them."""
+    for prim in stage.Traverse():
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.GetNumTimeSamples():
+                for value, moment in [(attribute.Get(m.like), m) for m in moments]:
+                    attribute.Set(value, moment.time)
+    for path in lamps:
+        prim = stage.GetPrimAtPath(path)
+        powers = [p for p in POWERS if prim.GetAttribute(p) and prim.GetAttribute(p).HasAuthoredValue()]
+        for name in powers or ["inputs:intensity"]:
+            attribute = prim.GetAttribute(name) or prim.CreateAttribute(name, NAMES.Float)
+            own = [(t, attribute.Get(t)) for t in times]
+            own = [(t, 1.0 if v is None else v) for t, v in own]
+            for t, value in own:
+                attribute.Set(value, t)
+            most = max(v for _, v in own)
+            for m in moments:
+                attribute.Set(most if path in m.lamps else 0.0, m.time)
+    stage.SetEndTimeCode(max(stage.GetEndTimeCode(), *(m.time for m in moments)))

@@ -1,0 +1,325 @@
+"""Which few captures make effects identifiable, before anyone goes to the rig.
+
+Every capture that the scene offers (cameras where they stand, each lamp alone, all, none, other exposures) is
+simulated, and what unit errors of each effect would add to it gives its normal equations. With those of the chosen
+captures summed, the margin by which effect i, as large as ``SEVERITY``, would be told from effect j is
+
+    m_ij = ½ Σ_k S_kk σ_k²,    S = (A⁻¹_ii)⁻¹ - P_i,    A = G + P with j free and all else within its tolerance
+
+(the Schur complement of i: what no value of j and of the tolerances can imitate). Captures are added one by one, each
+time that which raises Σ min(m_ij, ENOUGH) most.
+
+T-optimality: Atkinson, Fedorov: The design of experiments for discriminating between two rival models. Biometrika 1975.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.gap.advice import separating
+from analysis.gap.chain_terms import chain_terms
+from analysis.gap.conditions import Condition
+from analysis.gap.expected import expected
+from analysis.gap.geometry_terms import geometry_terms
+from analysis.gap.light_terms import light_terms
+from analysis.gap.normal_equations import equations, stride_for
+from analysis.gap.radiance import Render, Rendered, arrangement, render_all
+from analysis.gap.state import State
+from analysis.gap.terms import Term
+from interchange.camera import Camera
+from interchange.captures import Capture, Tolerances
+from interchange.formats.document import Document
+from interchange.light import Light
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+
+SEVERITY = 0.01  # rms of an effect over the signal
+ENOUGH = 9.0  # margin of log Z: odds of 20 at the temper of analysis.gap.evidence
+FULL = 0.7  # of the highest DN, for the brightest part of a capture
+MOST_VIEWS, WIDTH = 8, 160  # stands of cameras; px of the simulation
+LEAST, LITTLE = 5, 0.004  # captures; gain, of what is left, below which no more are added
+REPEATS = 4
+ALL, NONE = "all lamps", "no lamp"
+
+Cause = tuple[str, str]
+Told = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A capture that could be taken. ``like``: the time code whose poses it has; ``time``: the one that the scene has
+    for it, None where there is none yet; ``lamps``: those that are on."""
+
+    camera: str
+    like: float
+    time: float | None
+    lamps: tuple[str, ...]
+    lighting: str
+    exposure: float
+    stops: str = ""
+
+    @property
+    def name(self) -> str:
+        return f"{self.camera.rsplit('/', 1)[-1]}, {self.lighting}{self.stops}"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two effects (``rival`` None: no effect at all) and the margin, nats, by which the captures tell them apart."""
+
+    effect: Cause
+    rival: Cause | None
+    margin: float
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """One capture of the plan, how often to take it, and the pairs that only it, after those before it, tells apart."""
+
+    candidate: Candidate
+    repeats: int
+    separates: tuple[Pair, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CapturePlan:
+    """``captures`` in the order to take them; ``confusable``: the pairs that stay below ``ENOUGH``, worst first;
+    ``told``: how many of ``pairs`` are told apart."""
+
+    captures: tuple[Planned, ...]
+    confusable: tuple[Pair, ...]
+    told: int
+    pairs: int
+
+
+def capture_plan(
+    document: Document,
+    render: Render,
+    settings: dict[str, Any],
+    cache: Path,
+    tolerances: Tolerances | None = None,
+    most: int = 12,
+    told: Told = lambda what, share: None,
+) -> CapturePlan:
+    """The plan for a scene; at most ``most`` captures, repeats not counted. Raises BrightfieldError where the scene has
+    no camera or no lamp."""
+    tolerances = tolerances or Tolerances()
+    candidates, conditions = _candidates(document, render, settings, cache, told)
+    terms = _terms(conditions, tolerances)
+    stride = stride_for(conditions)
+    zero = np.zeros(len(terms))
+    parts, signal = [], 0.0
+    for k, c in enumerate(conditions):
+        state = State(c, stride=stride)
+        part = equations(state, terms, zero) if state.usable.any() else None
+        parts.append(np.zeros((len(terms), len(terms))) if part is None else part.G)
+        signal += 0.0 if part is None else part.signal
+        told("sensitivities", (k + 1) / len(conditions))
+    margins = Margins(terms, np.sum(parts, axis=0), signal)
+    return _greedy(candidates, parts, margins, most, told)
+
+
+class Margins:
+    """m_ij of a set of captures. ``G`` (q, q), ``signal``: of all captures, by which terms are scaled."""
+
+    def __init__(self, terms: Sequence[Term], G: np.ndarray, signal: float) -> None:
+        share = np.sqrt(np.maximum(np.diag(G), 0) / max(signal, 1e-30))
+        seen = share > 0
+        safe = np.maximum(share, 1e-12)
+        self.spike = np.array(
+            [t.spike / s if t.relative else t.spike for t, s in zip(terms, safe, strict=True)]
+        )
+        members: dict[Cause, list[int]] = {}
+        for i, term in enumerate(terms):
+            if seen[i]:
+                members.setdefault(term.candidate, []).append(i)
+        self.members = {c: np.array(i) for c, i in members.items()}
+        self.slab = np.zeros(len(terms))
+        for index in self.members.values():
+            self.slab[index] = SEVERITY / safe[index] / np.sqrt(len(index))
+        self.pairs: list[tuple[Cause, Cause | None]] = [
+            (a, b) for b in (None, *self.members) for a in self.members if a != b
+        ]
+
+    def of(self, G: np.ndarray) -> np.ndarray:
+        """(n,) margins in nats of ``pairs``."""
+        D = self.spike
+        C = np.linalg.inv(np.eye(len(D)) + G * D[:, None] * D[None, :])  # in units of the spikes
+        ratio = self.slab / D
+        out = []
+        for rival in (None, *self.members):
+            within = C
+            if rival is not None:
+                j = self.members[rival]
+                delta = np.maximum(100 * ratio[j], 2.0) ** -2 - 1.0  # as good as free
+                inner = np.linalg.inv(np.diag(1 / delta) + C[np.ix_(j, j)])
+                within = C - C[:, j] @ inner @ C[j]
+            for effect, i in self.members.items():
+                if effect == rival:
+                    continue
+                S = np.linalg.inv(within[np.ix_(i, i)]) - np.eye(len(i))
+                out.append(max(0.5 * float(np.sum(np.diag(S) * ratio[i] ** 2)), 0.0))
+        return np.array(out)
+
+
+def _greedy(
+    candidates: Sequence[Candidate], parts: Sequence[np.ndarray], margins: Margins, most: int, told: Told
+) -> CapturePlan:
+    G = np.zeros_like(parts[0])
+    now = np.zeros(len(margins.pairs))
+    chosen: list[int] = []
+    planned: list[Planned] = []
+    for step in range(min(most, len(candidates))):
+        rest = [k for k in range(len(candidates)) if k not in chosen]
+        tried = {k: margins.of(G + parts[k]) for k in rest}
+        gain = {
+            k: float(np.minimum(m, ENOUGH).sum() - np.minimum(now, ENOUGH).sum()) for k, m in tried.items()
+        }
+        best = max(rest, key=lambda k: gain[k])
+        missing = ENOUGH * len(now) - float(np.minimum(now, ENOUGH).sum())
+        if len(chosen) >= LEAST and gain[best] < LITTLE * missing:
+            break
+        told("choosing", (step + 1) / most)
+        newly = np.flatnonzero((tried[best] >= ENOUGH) & (now < ENOUGH))
+        order = newly[np.argsort(-(np.minimum(tried[best], ENOUGH) - now)[newly])]
+        pairs = tuple(_pair(margins, int(i), tried[best]) for i in order)
+        planned.append(Planned(candidates[best], 1, pairs))
+        G, now = G + parts[best], tried[best]
+        chosen.append(best)
+    bright = next((k for k, p in enumerate(planned) if p.candidate.lighting == ALL), 0)
+    planned[bright] = replace(planned[bright], repeats=REPEATS)
+    left = [_pair(margins, int(i), now) for i in np.argsort(now) if now[i] < ENOUGH]
+    return CapturePlan(tuple(planned), tuple(left), int((now >= ENOUGH).sum()), len(now))
+
+
+def _pair(margins: Margins, number: int, values: np.ndarray) -> Pair:
+    effect, rival = margins.pairs[number]
+    return Pair(effect, rival, float(values[number]))
+
+
+def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    bright = max(conditions, key=lambda c: float(np.median(c.mean)))
+    return [
+        *geometry_terms(conditions, tolerances),
+        *(t for t in light_terms(conditions, tolerances) if not t.generic),
+        *chain_terms(State(bright), tolerances),
+    ]
+
+
+def _candidates(
+    document: Document, render: Render, settings: dict[str, Any], cache: Path, told: Told
+) -> tuple[list[Candidate], list[Condition]]:
+    scenes = {time: document.scene(time) for time in document.times}
+    first = next(iter(scenes.values()))
+    if not first.cameras or not first.lights:
+        what = "camera" if not first.cameras else "lamp"
+        raise BrightfieldError(
+            f"A plan needs a scene with a camera and a lamp; it has no {what}. ({document.path})"
+        )
+    brightest: dict[str, Light] = {}
+    for scene in scenes.values():
+        for light in scene.lights:
+            if light.name not in brightest or max(light.intensity) > max(brightest[light.name].intensity):
+                brightest[light.name] = light
+    powered = [name for name, light in brightest.items() if light.is_on]
+    if not powered:
+        raise BrightfieldError(
+            f"A plan needs a lamp that is on at some time code; none is. ({document.path})"
+        )
+    views = _views(scenes)
+    small = [(_lit(scenes[t], brightest, powered), _small(scenes[t].camera(name))) for name, t in views]
+    rendered = render_all(small, render, settings, cache, lambda k, n: told("rendering", k / n))
+    lightings = {ALL: tuple(powered)} if len(powered) > 1 else {}
+    lightings |= {
+        f"{n.rsplit('/', 1)[-1]} alone" if lightings else n.rsplit("/", 1)[-1]: (n,) for n in powered
+    }
+    lightings[NONE] = ()
+    candidates, conditions = [], []
+    for (name, like), (whole, camera), shown in zip(views, small, rendered, strict=True):
+        base = 0.0
+        for lighting, lamps in lightings.items():
+            scene = _lit(whole, brightest, lamps)
+            exposure = _exposure(scene, camera, shown) if lamps else base
+            base = max(base, exposure)
+            full = len(lamps) == len(powered)
+            for stops, factor in (("", 1.0), (", a quarter", 0.25), (", four times", 4.0)):
+                if factor != 1 and not full:
+                    continue
+                seconds = _rounded(factor * exposure)
+                time = _existing(scenes, name, like, lamps, whole)
+                candidates.append(Candidate(name, like, time, lamps, lighting, seconds, stops))
+                conditions.append(_condition(scene, replace(camera, t_exp=seconds), shown, candidates[-1]))
+    return candidates, conditions
+
+
+def _views(scenes: dict[float, Scene]) -> list[tuple[str, float]]:
+    """Each camera at each of its stands, and with each arrangement of objects: its name and a time code."""
+    found: dict[str, tuple[str, float]] = {}
+    for time, scene in scenes.items():
+        for camera in scene.cameras:
+            found.setdefault(arrangement(scene, replace(camera, t_exp=1.0)), (camera.name, time))
+    views = list(found.values())
+    if len(views) > MOST_VIEWS:
+        views = [views[k] for k in np.linspace(0, len(views) - 1, MOST_VIEWS).astype(int)]
+    return views
+
+
+def _small(camera: Camera) -> Camera:
+    width = camera.sensor.resolution[0]
+    return replace(camera.resized(WIDTH) if width > WIDTH else camera, t_exp=1.0)
+
+
+def _lit(scene: Scene, brightest: dict[str, Light], lamps: Sequence[str]) -> Scene:
+    """The scene with these lamps as bright as they get, and the others off."""
+    dark = (0.0, 0.0, 0.0)
+    lights = tuple(
+        replace(x, intensity=brightest[x.name].intensity if x.name in lamps else dark) for x in scene.lights
+    )
+    return replace(scene, lights=lights)
+
+
+def _exposure(scene: Scene, camera: Camera, shown: Rendered) -> float:
+    """s, that brings the brightest part to ``FULL``."""
+    e = expected(shown.radiance(scene), camera)
+    bright = float(np.percentile(e.dn, 99.5)) - e.black
+    return _rounded(FULL * (e.top - e.black) / bright) if bright > 0 else 1.0
+
+
+def _rounded(seconds: float) -> float:
+    return float(f"{seconds:.2g}")
+
+
+def _existing(
+    scenes: dict[float, Scene], camera: str, like: float, lamps: Sequence[str], whole: Scene
+) -> float | None:
+    """The scene's own time code with that view and those lamps on at full power."""
+    full = {x.name: x.intensity for x in whole.lights}
+    wanted = arrangement(scenes[like], scenes[like].camera(camera))
+    for time, scene in scenes.items():
+        lit = {x.name: x.intensity for x in scene.lights if x.is_on}
+        alike = set(lit) == set(lamps) and all(np.allclose(lit[n], full[n]) for n in lamps)
+        if alike and arrangement(scene, scene.camera(camera)) == wanted:
+            return time
+    return None
+
+
+def _condition(scene: Scene, camera: Camera, shown: Rendered, candidate: Candidate) -> Condition:
+    dn = expected(shown.radiance(scene), camera).dn
+    capture = Capture(candidate.name, camera.name, candidate.like, camera.t_exp, dn)
+    return Condition((capture,), scene, camera, dn, None, np.ones(dn.shape[:2], bool), False, shown)
+
+
+def advice(pair: Pair) -> str:
+    """The one more capture that would tell a pair apart."""
+    return separating(pair.effect[0], pair.rival[0] if pair.rival else "")
+
+
+def words(cause: Cause | None) -> str:
+    if cause is None:
+        return "nothing"
+    name, target = cause
+    place = target.split(" at ")[0].rsplit("/", 1)[-1]
+    return f"{name.replace('_', ' ')} {place}".strip()

@@ -1,0 +1,123 @@
+"""What the diagnosis says in plain words: the verdict, why an effect and why not another, what to capture next."""
+
+import math
+import sys
+from collections.abc import Sequence
+
+from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import Diagnosis, Finding, names
+from analysis.gap.fit import Fit
+from interchange.effects import MODELS
+
+STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
+
+
+def sentence(d: Diagnosis) -> str:
+    """The verdict in one sentence or two."""
+    g = d.gap
+    closing = f"{100 * d.gap.explained:.0f} % of what can be closed on captures that nothing was fitted to"
+    match d.verdict:
+        case "none":
+            return (
+                f"No unmodelled effect was found: the captures are what the scene file says, within its tolerances "
+                f"(chi {g.before:.2f}, noise {g.noise_floor:.2f})."
+            )
+        case "effects":
+            return f"The gap comes from {names(d.effects)}; adding that closes {closing}."
+        case "unknown":
+            return f"There is a gap that no effect of the catalogue explains: {d.unknown[0][0]}."
+        case _:
+            return (
+                f"The gap comes from {names(d.effects)} and from something that the catalogue does not have "
+                f"({d.unknown[0][0]}); together that closes {closing}."
+            )
+
+
+def plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def number(value: float, sigma: float) -> str:
+    """A value with as many digits as its σ leaves sense."""
+    if not (math.isfinite(sigma) and sigma > 0):
+        return f"{value:.4g}"
+    digits = max(0, 1 - math.floor(math.log10(sigma)))
+    return f"{value:.{min(digits, 8)}f}"
+
+
+def evidence(fit: Fit, finding: Finding) -> str:
+    """How much likelier the captures are with the effect than with the best explanation that leaves it out."""
+    without = [h.score for h in fit.hypotheses if finding.name not in {c[0] for c in h.causes}]
+    if not without:
+        return "Every explanation that was tried has it."
+    gain = fit.best.score - max(without)
+    word = next(word for least, word in STRENGTH if gain >= least)
+    times = f"10^{gain / math.log(10):.0f}" if gain > 14 else f"{float(f'{math.exp(gain):.1g}'):,.0f}"
+    return f"There is {word} evidence: the best explanation without it is {times} times less probable."
+
+
+def meaning(name: str) -> str:
+    """What the effect is, the first sentence of its file."""
+    module = sys.modules.get(MODELS[name].__module__) if name in MODELS else None
+    return (module.__doc__ or "").strip().split("\n")[0] if module else ""
+
+
+def why(name: str) -> str:
+    """What only this effect does."""
+    return str(getattr(MODELS.get(name), "identified_by", ""))
+
+
+def why_not(finding: Finding) -> list[str]:
+    """One sentence for each effect that looks alike."""
+    chances = dict(finding.rivals)
+    alike = [*chances, *getattr(MODELS.get(finding.name), "confused_with", ())]
+    out = []
+    for rival in dict.fromkeys(alike):
+        mark = why(rival)
+        seen = f" It would show like this: {mark[0].lower()}{mark[1:]}" if mark else ""
+        if rival in chances:
+            out.append(
+                f"{plain(rival)}: could stand in its place with probability {chances[rival]:.2f}.{seen}"
+            )
+        else:
+            out.append(f"{plain(rival)}: does not explain these captures.{seen}")
+    return out
+
+
+def next_captures(d: Diagnosis, found: Sequence[Condition], fit: Fit) -> list[str]:
+    """What to capture next, the most useful first; empty where nothing would tell more."""
+    out = [
+        f"To tell {plain(f.name)} from {plain(f.rivals[0][0])}: {f.separate_by}."
+        for f in d.effects
+        if f.separate_by
+    ]
+    if d.unknown:
+        out.append(
+            "To follow what the catalogue does not have: a flat field (fixed to the image?), the same part turned "
+            "(fixed to the surface?), and the lamps one by one (fixed to a lamp?)."
+        )
+    undecided = [
+        (cause, p)
+        for cause, p in sorted(fit.probability.items(), key=lambda x: -x[1])
+        if 0.1 < p < 0.5 and cause[0] in MODELS
+    ]
+    for (name, _), p in undecided[:2]:
+        advice = getattr(MODELS[name], "separated_by", "")
+        if advice:
+            out.append(f"{plain(name).capitalize()} is possible (p = {p:.2f}); it would show in {advice}.")
+    if not any(c.spread is not None for c in found):
+        out.append("Repeats: four captures or more of one condition measure the noise floor.")
+    if not any(not c.lamps for c in found):
+        out.append(
+            "One capture with all lamps off: it tells black level, ambient light and veiling glare apart."
+        )
+    if len({c.camera.t_exp for c in found}) < 2:
+        out.append(
+            "One condition at a quarter and at four times the exposure: it tells offsets and curves from factors."
+        )
+    lamps = {name for c in found for name in c.lamps}
+    alone = {c.lamps[0] for c in found if len(c.lamps) == 1}
+    if len(lamps) > 1 and lamps - alone:
+        missing = ", ".join(sorted(n.rsplit("/", 1)[-1] for n in lamps - alone))
+        out.append(f"Each lamp alone ({missing}): it tells lamps from materials.")
+    return out
