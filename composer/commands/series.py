@@ -360,12 +360,7 @@ def _lights_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("--radius", type=float, required=True, metavar="MM", help="of the mirror sphere")
     p.add_argument("--mask", type=Path, required=True, metavar="PNG", help="255 on the sphere, 0 beside it")
     p.add_argument("--plane", type=float, default=0.0, metavar="MM", help="height z that the sphere lies on")
-    p.add_argument(
-        "--apply",
-        type=Path,
-        metavar="SERIES",
-        help="write calibrated.json of this series, under the same lamps",
-    )
+    p.add_argument("--apply", type=Path, metavar="SERIES", help="write calibrated.json of this series")
 
 
 def _lights(args: argparse.Namespace) -> dict[str, Any]:
