@@ -25,6 +25,7 @@ from interchange.effects.exposure import Exposure
 from interchange.effects.fixed_pattern import FixedPattern
 from interchange.effects.hot_pixels import HotPixels
 from interchange.effects.jpeg import Jpeg
+from interchange.effects.line_noise import LineNoise
 from interchange.effects.mosaic import Mosaic, phases
 from interchange.effects.quantization import Quantization
 from interchange.effects.response_curve import ResponseCurve
@@ -42,7 +43,7 @@ from interchange.steps import Step, in_order
 
 NOT_FINITE = "Radiance must be finite to be exposed; the image has values that are not."
 TO_SITES = (Exposure, ColorCrosstalk, Mosaic)
-READ_OUT = (HotPixels, SensorNoise, FixedPattern, Saturation, BlackLevel, Quantization)
+READ_OUT = (HotPixels, SensorNoise, LineNoise, FixedPattern, Saturation, BlackLevel, Quantization)
 NONE, LINE = np.empty((0, 0), np.float32), np.empty(0, np.float32)
 
 
@@ -139,7 +140,9 @@ class ReadOut:
             hot.add(electrons, self.camera)
         noise, fixed = named.get(SensorNoise, SensorNoise()), named.get(FixedPattern, FixedPattern())
         gain, offset = fixed.patterns((height, width, 1))
-        rows, columns, seed = LINE, LINE, seed_of(rng)
+        lines, rows, columns, seed = named.get(LineNoise), LINE, LINE, seed_of(rng)
+        if lines is not None and rng is not None:
+            rows, columns = lines.lines(height, width, rng)
         out = np.empty((height, width), kind)
 
         def work(start: int, stop: int) -> None:

@@ -65,9 +65,10 @@ _own = threading.local()
 
 def _buffer(which: int, size: int) -> np.ndarray:
     """Memory of this thread, kept from band to band: fresh pages cost more than what is computed in them."""
-    kept: dict[int, np.ndarray] = _own.__dict__.setdefault("kept", {})
-    if which not in kept or kept[which].size < size:
-        from interchange import plane_kernels
+    from interchange import plane_kernels
 
-        kept[which] = plane_kernels.aligned(size)
+    kept: dict[int, np.ndarray] = _own.__dict__.setdefault("kept", {})
+    room = size + plane_kernels.SLACK
+    if which not in kept or kept[which].size < room:
+        kept[which] = plane_kernels.aligned(room)
     return kept[which][:size]

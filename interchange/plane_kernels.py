@@ -2,8 +2,9 @@
 
 A plane is (rows, P + W + P) float32, ``pad`` P columns at either side, into which the border goes on. ``low`` is the
 image's row that a plane begins with, ``height`` the image's rows; a row that is asked for outside the image is the
-border's. Inner loops read from buffers that begin with a cache line: vectors of 64 bytes that lie across two of them
-take twice the time.
+border's. Loops of a fixed length may read up to ``SLACK`` numbers beyond a plane's end, which the memory of ``local``
+has, and use none of them. Inner loops read from buffers that begin with a cache line: vectors of 64 bytes that lie
+across two of them take twice the time.
 """
 
 import numba
@@ -13,6 +14,7 @@ from interchange.kernels import compiled
 
 LINE = 16  # float32 in a cache line
 CHUNK = 128  # columns at a time, a multiple of LINE: what 21 rows need stays in the first cache
+SLACK = 4 * CHUNK  # float32 beyond a plane's end
 STEP = np.uint64(CHUNK)  # an index that is not signed needs no test for being negative
 
 # sums may be reordered: of some 20 numbers of one sign, an error of 20 · 2^-24
@@ -59,7 +61,8 @@ def loaded(pixels: np.ndarray, planes: np.ndarray, pad: int) -> None:
             for x in range(width):
                 c[x] = row[x, 2]
         else:
-            planes[0, i, pad : pad + width] = row[:, 0]
+            for k in range(channels):
+                planes[k, i, pad : pad + width] = row[:, k]
     for k in range(channels):
         extended(planes[k], pad)
 
@@ -88,6 +91,7 @@ def separable(
     pairs, total = aligned(reach * CHUNK), aligned(CHUNK)
     scratch = aligned(terms * rows * CHUNK)
     pairs[:] = 0
+    flat = plane.reshape(-1)
     half = down.copy()
     half[:, 0] *= np.float32(0.5)  # the middle comes from both sides
     for x0 in range(0, width, CHUNK):
@@ -96,11 +100,9 @@ def separable(
             row = plane[first - low + i]
             middle = pad + x0
             pairs[:n] = row[middle : middle + n]
+            at = (first - low + i) * plane.shape[1] + middle
             for u in range(1, reach):
-                left, right = row[middle - u : middle - u + n], row[middle + u : middle + u + n]
-                pair = pairs[u * CHUNK : u * CHUNK + n]
-                for x in range(n):
-                    pair[x] = left[x] + right[x]
+                _pair(flat, at - u, at + u, pairs, u * CHUNK)
             for t in range(terms):
                 for g in range(groups):
                     _four(pairs, 4 * g * CHUNK, across, t, g, scratch, (t * rows + i) * CHUNK)
@@ -113,6 +115,14 @@ def separable(
                     _eight(scratch, t * rows, y, 4 * g, top, bottom, half, t, total)
             out[i, pad + x0 : pad + x0 + n] = total[:n]
     extended(out, pad)
+
+
+@summing
+def _pair(flat: np.ndarray, left: int, right: int, out: np.ndarray, to: int) -> None:
+    """out = two stretches of a plane, added."""
+    a, b, o = np.uint64(left), np.uint64(right), np.uint64(to)
+    for x in range(STEP):
+        out[o + x] = flat[a + x] + flat[b + x]
 
 
 @summing
@@ -238,16 +248,22 @@ def spread(
     shifted = aligned(((out.shape[0] + most) * most + 8) * CHUNK)
     shifted[:] = 0
     weights = np.empty((out.shape[0], (most * most + 7) // 8 * 8), np.float32)
+    flat = plane.reshape(-1)
+    node = np.empty(
+        out.shape[0] + 2 * middle, np.int64
+    )  # of the rows start - middle …: the node above, the share
+    share = np.empty(out.shape[0] + 2 * middle, np.float32)
+    for i in range(len(node)):
+        node[i], share[i] = _between(rows, min(max(start - middle + i, 0), height - 1))
     for j in range(count):
         half = 0
-        for i in range(-middle, out.shape[0] + middle):
-            k, _ = _between(rows, min(max(start + i, 0), height - 1))
-            half = max(half, halves[k, j], halves[min(k + 1, len(rows) - 1), j])
+        for i in range(len(node)):
+            half = max(half, halves[node[i], j], halves[min(node[i] + 1, len(rows) - 1), j])
         k = 2 * half + 1
         padded = (k * k + 7) // 8 * 8
         for i in range(out.shape[0]):
             for s in range(k):  # the source row start + i - half + s sends its light by v = half - s
-                above, t = _between(rows, min(max(start + i - half + s, 0), height - 1))
+                above, t = node[middle + i - half + s], share[middle + i - half + s]
                 below = min(above + 1, len(rows) - 1)
                 v = middle + half - s
                 for u in range(k):
@@ -266,13 +282,9 @@ def spread(
                 else:
                     tent[x] = 1.0 if j + 1 == count else max(0.0, (right - at) / (right - columns[j]))
             for i in range(out.shape[0] + 2 * half):
-                row = plane[min(max(start - half + i, 0), height - 1) - low]
+                at = (min(max(start - half + i, 0), height - 1) - low) * plane.shape[1] + pad + x0 + half
                 for u in range(k):  # light that left u - half columns to the left of where it arrives
-                    into = shifted[(i * k + u) * CHUNK : (i * k + u) * CHUNK + n]
-                    a = pad + x0 + half - u
-                    source, share = row[a : a + n], tent[2 * half - u : 2 * half - u + n]
-                    for x in range(n):
-                        into[x] = source[x] * share[x]
+                    _shared(flat, at - u, tent, 2 * half - u, shifted, (i * k + u) * CHUNK)
             for i in range(out.shape[0]):
                 total[:] = 0
                 _added(shifted, i * k, weights, i, padded, total)
@@ -280,6 +292,14 @@ def spread(
                 for x in range(n):
                     into[x] += total[x]
     extended(out, pad)
+
+
+@summing
+def _shared(flat: np.ndarray, at: int, tent: np.ndarray, by: int, out: np.ndarray, to: int) -> None:
+    """out = a stretch of a plane times a stretch of ``tent``."""
+    a, b, o = np.uint64(at), np.uint64(by), np.uint64(to)
+    for x in range(STEP):
+        out[o + x] = flat[a + x] * tent[b + x]
 
 
 @compiled

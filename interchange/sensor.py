@@ -62,6 +62,10 @@ class Sensor:
     bit_depth: int = 12
     black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
     read_noise: float = parameter(0.0, "σ_d", "e-", 0, 1e6, "temporal noise in the dark, rms")
+    row_noise: float = parameter(0.0, "σ_row", "e-", 0, 1e6, "temporal noise that a row has in common, rms")
+    column_noise: float = parameter(
+        0.0, "σ_col", "e-", 0, 1e6, "temporal noise that a column has in common, rms"
+    )
     prnu: float = parameter(0.0, "PRNU", "1", 0, 1, "spread of the pixels' gain, rms")
     dsnu: float = parameter(0.0, "DSNU", "e-", 0, 1e6, "spread of the pixels' offset, rms")
     prnu_row: float = parameter(0.0, "PRNU.row", "1", 0, 1, "spread of the rows' gain, rms")

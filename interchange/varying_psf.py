@@ -94,7 +94,7 @@ def nodes(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     return np.linspace(0, width - 1, count[0]), np.linspace(0, height - 1, count[1])
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=64)
 def kernels(
     function: PointSpread, resolution: tuple[int, int], centre: tuple[float, float]
 ) -> dict[tuple[int, int], np.ndarray]:

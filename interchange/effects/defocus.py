@@ -2,16 +2,19 @@
 
     c = v² |z - z_f| / (N z_f z)     diameter on the sensor, v the principal distance (both renderers' thin lens)
 
-and rms ``blur`` px of a Gaussian, alike everywhere.
+and rms ``blur`` px of a Gaussian, alike everywhere. Where it adds depth of field, the aberrations of ``field_blur``
+are of the same rays: their diameters add to c with its sign, positive behind the focus, before anything is squared.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from interchange.camera import Camera, Projection
 from interchange.effects.base import Effect, Stage, carried
-from interchange.filtering import convolve, disc, gaussian
+from interchange.filtering import applied, convolve, disc, gaussian
 from interchange.image import Image
 from interchange.parameter import parameter
 from interchange.problems import BrightfieldError
@@ -46,22 +49,23 @@ class Defocus(Effect):
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         pixels = image.pixels
-        if self._adds_depth_of_field(image):
+        if self.adds_depth_of_field(image):
             if (depth := image.passes.get("depth")) is None:
                 raise BrightfieldError(
                     f"Defocus at f/{self.f_stop:g} of an image that was rendered without it needs its pass depth."
                 )
-            pixels = _by_depth(pixels, self.confusion(depth, camera))
+            pixels = _by_depth(pixels, self.confusion(depth, camera), partial(_out_of_focus, camera))
         if self.blur > 0:
             pixels = convolve(pixels, gaussian(self.blur))
         return replace(image, pixels=pixels)
 
     def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
         return (
-            None if self._adds_depth_of_field(image) else [gaussian(self.blur)] if self.blur else [disc(0.0)]
+            None if self.adds_depth_of_field(image) else [gaussian(self.blur)] if self.blur else [disc(0.0)]
         )
 
-    def _adds_depth_of_field(self, image: Image) -> bool:
+    def adds_depth_of_field(self, image: Image) -> bool:
+        """Whether there is a depth of field, which the image's renderer has not drawn."""
         drawn = (
             image.camera is not None and image.camera.lens.f_stop > 0 and image.camera.lens.focus_distance > 0
         )
@@ -77,7 +81,20 @@ class Defocus(Effect):
             return (1 - z_f / np.asarray(depth, np.float64)) * v**2 / (self.f_stop * z_f * pitch)
 
 
-def _by_depth(pixels: np.ndarray, confusion: np.ndarray) -> np.ndarray:
+def _out_of_focus(camera: Camera, pixels: np.ndarray, diameter: float) -> np.ndarray:
+    """An image of one depth; ``diameter`` px, negative in front of the focus."""
+    from interchange.effects.field_blur import FieldBlur  # which asks defocus whether it is to act by itself
+
+    field = FieldBlur.of(camera)
+    if not field.is_there:
+        return convolve(pixels, disc(abs(diameter)))
+    bent = replace(field, axis=float(np.clip(field.axis + diameter, -100, 100)))
+    return applied(pixels, [bent.over_field(camera)])
+
+
+def _by_depth(
+    pixels: np.ndarray, confusion: np.ndarray, blurred: Callable[[np.ndarray, float], np.ndarray]
+) -> np.ndarray:
     """Layers of like diameter, each blurred with its own cover, laid over each other from the farthest on.
 
     Each pixel is shared between the two layers next to it, so that a slope stays one surface. What a layer hides is
@@ -94,7 +111,7 @@ def _by_depth(pixels: np.ndarray, confusion: np.ndarray) -> np.ndarray:
         if not share.any():
             continue
         layer = np.concatenate([pixels * share[..., None], share[..., None]], axis=-1)
-        layer = convolve(layer, disc(round(abs(levels[k]), 2)))
+        layer = blurred(layer, round(float(levels[k]), 2))
         total *= 1 - np.clip(layer[..., -1:], 0, 1)
         total += layer
     return total[..., :-1] / np.maximum(total[..., -1:], 1e-6)

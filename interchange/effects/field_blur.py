@@ -7,8 +7,9 @@ A ray through the pupil at (ρ, φ) arrives, away from its point's centroid, in 
 
     variance  (d_0 + d_T r²)² / 16 + C² r² / 2  outward,  (d_0 + d_S r²)² / 16 + C² r² / 6  around
 
-Field curvature is d_T = d_S; a focus put between middle and corner is d_0 of the other sign. The object is taken as
-flat and across the axis: what depth adds is ``defocus``'s. Distortion stays the lens model's: points keep their
+Field curvature is d_T = d_S; a focus put between middle and corner is d_0 of the other sign. Where ``defocus`` adds
+depth of field from the pass ``depth``, it takes these aberrations with it, d_0 + c(z) in place of d_0; else the object
+is flat and across the axis. Distortion stays the lens model's: points keep their
 centroids.
 """
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
+from interchange.effects.defocus import Defocus
 from interchange.filtering import applied
 from interchange.image import Image
 from interchange.local import Local
@@ -51,11 +53,15 @@ class FieldBlur(Effect):
     coma: float = parameter(0.0, "C", "px", -50, 50, "third of the length of the comatic flare at the corner")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
-        if not self.is_there:
+        if not self.is_there or Defocus.of(camera).adds_depth_of_field(image):
             return image
-        return replace(image, pixels=applied(image.pixels, [self.local(image, camera)]))
+        return replace(image, pixels=applied(image.pixels, [self.over_field(camera)]))
 
     def local(self, image: Image, camera: Camera) -> Local:
+        here = not Defocus.of(camera).adds_depth_of_field(image)
+        return self.over_field(camera) if here else Local(0, 0, (None,))
+
+    def over_field(self, camera: Camera) -> Local:
         K = camera.K
         return over_field(self.rays, camera.sensor.resolution, (K[0, 2], K[1, 2]))
 

@@ -38,6 +38,8 @@ ATTRIBUTES = (
     Attribute("sensor:prnu", NAMES.Float, "sensor", "prnu", True),
     Attribute("sensor:dsnu", NAMES.Float, "sensor", "dsnu", True),
     Attribute("sensor:darkCurrent", NAMES.Float, "sensor", "dark_current", True),
+    Attribute("sensor:rowNoise", NAMES.Double, "sensor", "row_noise"),
+    Attribute("sensor:columnNoise", NAMES.Double, "sensor", "column_noise"),
     Attribute("sensor:prnuRow", NAMES.Double, "sensor", "prnu_row"),
     Attribute("sensor:prnuColumn", NAMES.Double, "sensor", "prnu_column"),
     Attribute("sensor:dsnuRow", NAMES.Double, "sensor", "dsnu_row"),

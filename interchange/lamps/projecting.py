@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from interchange.camera import Camera
+from interchange.effects.defocus import Defocus
+from interchange.filtering import convolve, disc
 from interchange.frames import camera_from_gl
 from interchange.lamps.placing import WHITE, Color, require
 from interchange.light import Light, LightKind
@@ -46,6 +48,24 @@ def projector(
         return replace(light, intensity=intensity_from_power(light, power, color))
     r, g, b = float(intensity or 0.0) * np.asarray(color)
     return replace(light, intensity=(float(r), float(g), float(b)))
+
+
+def defocused(image: np.ndarray, camera: Camera, distance: float) -> np.ndarray:
+    """``image`` (h, w, C) as it lies on a surface at ``distance`` m along the axis of a projector whose lens has
+    ``camera.lens``'s aperture and focus: each pixel is a disc of Defocus.confusion's diameter (thin lens).
+
+    Give it to ``projector``. Both renderers emit from one point, so other distances have the same blur in pixels; light
+    that leaves the panel's field is lost. Raises BrightfieldError without an f-number and a focus.
+    """
+    lens = camera.lens
+    if lens.f_stop <= 0 or lens.focus_distance <= 0:
+        raise BrightfieldError("A projector's blur needs an f-number and a distance in focus.")
+    require("A surface's distance", distance, 0, unit="m")
+    defocus = Defocus(f_stop=lens.f_stop, focus_distance=lens.focus_distance)
+    kernel = disc(float(abs(defocus.confusion(np.array(distance), camera))))
+    half = len(kernel) // 2
+    dark = np.pad(np.asarray(image, np.float32), ((half, half), (half, half), (0, 0)))
+    return convolve(dark, kernel)[half : half + len(image), half : half + image.shape[1]]
 
 
 def stripes(

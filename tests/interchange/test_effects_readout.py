@@ -7,7 +7,7 @@ import pytest
 from interchange.camera import Camera, Sensor
 from interchange.effects.color_correction import ColorCorrection
 from interchange.effects.color_crosstalk import ColorCrosstalk
-from interchange.effects.jpeg import Jpeg
+from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.response_curve import ResponseCurve
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
@@ -152,3 +152,14 @@ def test_a_full_well_is_the_highest_dn_and_more_gain_reaches_it_earlier():
     assert expose(L, c, gain_dB=20 * np.log10(1.5)).pixels.ravel().tolist() == [3075, 4095, 4095, 4095]
     half = expose(L, c, gain_dB=20 * np.log10(0.5)).pixels.ravel()
     assert half[3] == pytest.approx(16 + 4079 / 2, abs=0.51)  # the well is full, the converter is not
+
+
+@pytest.mark.parametrize("subsampling", [True, False])
+@pytest.mark.parametrize("height", [1040, 1023, 530])
+def test_a_jpeg_in_bands_is_the_whole_jpeg(height, subsampling):
+    """Bit by bit, where bands meet and where the last one ends within a block."""
+    y = np.random.default_rng(0).integers(0, 256, (height, 70, 3)).astype(np.uint8)
+    effect = Jpeg(80, subsampling)
+    assert np.array_equal(effect.compressed(y), decoded(effect.encoded(Image(y))))
+    grey = y[..., :1]
+    assert np.array_equal(effect.compressed(grey), decoded(effect.encoded(Image(grey))))

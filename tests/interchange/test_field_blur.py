@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from interchange.camera import Camera, Lens, Sensor
+from interchange.effects.defocus import Defocus
 from interchange.effects.field_blur import FieldBlur
 from interchange.effects.measured_blur import MeasuredBlur
 from interchange.exposure import expose
@@ -140,3 +141,27 @@ def test_a_camera_has_it_in_its_chain():
 def test_measured_blur_must_be_triples_of_rising_radius(sigmas):
     with pytest.raises(ParameterError, match=r"MeasuredBlur\.sigmas must"):
         MeasuredBlur(sigmas)
+
+
+def test_depth_adds_to_the_fields_aberrations_before_they_are_squared():
+    """At a node, (c + d_0 + d_T r²)² / 16 outward; 3 % of it by the sum over pixels of a layer's disc. A depth whose
+    disc is what the axis lacks is sharp there."""
+    lens = Lens(0.025, f_stop=2.8, focus_distance=0.4, field_blur=(1.5, 6.0, 6.0))
+    camera = replace(CAMERA, lens=lens)
+    defocus = Defocus.of(camera)
+    for depth, place in ((0.404, (144, 60)), (0.397, (144, 60)), (0.41, (80, 15))):
+        c = float(defocus.confusion(np.array(depth), camera))
+        L = np.zeros((H, W, 1), np.float32)
+        L[place[1], place[0]] = 1
+        image = Image(L, passes={"depth": np.full((H, W), depth, np.float32)})
+        out = expose(image, camera, until=Quantity.IRRADIANCE).pixels[..., 0]
+        y, x = np.mgrid[:H, :W]
+        r = np.hypot(*(np.array(place) - CENTRE)) / (np.hypot(W, H) / 2)
+        for at, here in ((x, place[0]), (y, place[1])):
+            got = (out * (at - here) ** 2).sum() / out.sum()
+            assert got == pytest.approx((c + 1.5 + 6 * r**2) ** 2 / 16, rel=0.03)
+    near = 0.4 / (1 + 1.5 * 2.8 * 0.4 * 5e-6 / 0.025**2)  # c = -1.5 px
+    L = np.zeros((H, W, 1), np.float32)
+    L[60, 80] = 1
+    image = Image(L, passes={"depth": np.full((H, W), near, np.float32)})
+    assert expose(image, camera, until=Quantity.IRRADIANCE).pixels.max() > 0.99 * lens.projected_solid_angle

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from interchange.camera import Camera, Lens, Projection, Sensor
 from interchange.distortion import LensModel
 from interchange.frames import look_at
-from interchange.lamps.projecting import gray_code, laser_line, projector, stripes
+from interchange.lamps.projecting import defocused, gray_code, laser_line, projector, stripes
 from interchange.light import LightKind
 from interchange.power import emitted_power
 from interchange.problems import BrightfieldError
@@ -129,3 +129,24 @@ def test_mistakes_are_told() -> None:
             np.ones((48, 64, 1)),
             intensity=1.0,
         )
+
+
+def test_a_projectors_aperture_blurs_what_is_not_at_its_focus() -> None:
+    """A point becomes a disc of v² |z - z_f| / (N z_f z) with its second moment, d² / 16, to the disc's 7 %."""
+    lens = Lens(0.02, f_stop=2.0, focus_distance=0.5)
+    camera = Camera(lens=lens, sensor=Sensor((81, 61), (8e-6, 8e-6)))
+    point = np.zeros((61, 81, 1), np.float32)
+    point[30, 40] = 1
+    assert np.array_equal(defocused(point, camera, 0.5), point)
+    out = defocused(point, camera, 0.6)[..., 0]
+    diameter = 0.02**2 * 0.1 / (2.0 * 0.5 * 0.6) / 8e-6
+    x = np.arange(81) - 40
+    assert out.sum() == pytest.approx(1, rel=1e-5)
+    assert (out.sum(axis=0) * x**2).sum() == pytest.approx(diameter**2 / 16, rel=0.07)
+    white = defocused(np.ones((61, 81, 1), np.float32), camera, 0.6)[..., 0]
+    assert white[30, 40] == pytest.approx(1, rel=1e-5)
+    assert white[30, 0] == pytest.approx(
+        0.5, abs=0.1
+    )  # half of the light beyond the edge's middle is not there
+    with pytest.raises(BrightfieldError, match="f-number"):
+        defocused(point, replace(camera, lens=Lens()), 0.6)
