@@ -65,6 +65,17 @@ def expected(radiance: np.ndarray, camera: Camera, effects: Sequence[Effect] = (
 def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Temporal and fixed-pattern variance, DN², float32, of pixels whose mean is ``dn``."""
     sensor = camera.sensor
+    light, still = per_electron(dn, camera)
+    temporal = light + still * sensor.read_noise**2 + 1 / 12
+    electrons = np.divide(light, still, out=np.zeros_like(light), where=still > 0)
+    fixed = still * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2)
+    return temporal.astype(np.float32), fixed.astype(np.float32)
+
+
+def per_electron(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """K² e s² and K² s², DN²: photon noise of pixels whose mean is ``dn``, and what an electron² of other noise adds. s
+    is the slope of the response curve."""
+    sensor = camera.sensor
     linear, slope = np.asarray(dn, np.float64), np.ones(1)
     curve = ResponseCurve.of(camera)
     if curve.is_there:
@@ -74,6 +85,5 @@ def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarr
         linear = np.interp(dn, y, x * full)
         slope = np.interp(dn, y, np.gradient(y, x * full))
     electrons = np.maximum((linear - sensor.black_level) / sensor.K, 0)
-    temporal = sensor.K**2 * (electrons + sensor.read_noise**2) * slope**2 + 1 / 12
-    fixed = sensor.K**2 * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2) * slope**2
-    return temporal.astype(np.float32), fixed.astype(np.float32)
+    still = np.broadcast_to(sensor.K**2 * slope**2, electrons.shape)
+    return electrons * still, still

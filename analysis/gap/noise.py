@@ -1,6 +1,12 @@
-"""Effects of noise do not move the mean image: they are judged on the variance of repeats.
+"""Effects of noise do not move the mean image: they are judged on the variance of repeats, on what stays at the same
+pixels in different scenes, and on which DN occur at all.
 
-var(DN) = K² (e + σ_d²) + 1/12     K, σ_d by least squares of measured variance on expected electrons
+Sensor noise, by photon transfer: variance of repeats on their mean, put together by the brightness of the simulation,
+which does not know the noise (bins of a noisy mean would bias the gain):
+
+    var(DN) - 1/12 = g K² e s² + g² σ_d² K² s²      g: gain over the data sheet's, s: slope of the response curve
+
+EMVA Standard 1288, release 4.0 Linear, 2021, section 6.
 """
 
 from collections.abc import Sequence
@@ -8,10 +14,83 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.gap.code_findings import code_findings
 from analysis.gap.conditions import Condition
+from analysis.gap.expected import per_electron
+from analysis.gap.fixed_pattern import fixed_pattern
+from analysis.gap.noise_finding import NoiseFinding, Number, probability
+from interchange.effects.sensor_noise import SensorNoise
+from interchange.parameter import parameters
 
-SPIKE = 0.03  # relative error of the variance that a sensor's data sheet leaves
+GAIN, READ = 0.03, 0.1  # relative errors of gain and read noise that a data sheet leaves
+LEAST_READ = 0.5  # e-, error of a read noise that is small
+SPIKE = 0.03  # relative error of the variance that a data sheet leaves
 LEVELS = 24  # of brightness that variances are put together by
+
+
+def noise_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> list[NoiseFinding]:
+    """Every effect of this class that can be judged, whatever its probability.
+
+    ``simulations``: (H, W, C) DN of each condition with all that the fit corrects.
+    """
+    found = []
+    for judge in (sensor_noise, fixed_pattern):
+        told = judge(conditions, simulations)
+        if told is not None:
+            found.append(told)
+    return [*found, *code_findings(conditions, simulations)]
+
+
+def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:
+    """None without repeats."""
+    rows = [
+        row
+        for c, simulation in zip(conditions, simulations, strict=True)
+        if c.spread is not None
+        for row in _levels(c, simulation)
+    ]
+    if len(rows) < 2:
+        return None
+    light, still, measured, count = np.array(rows).T
+    X = np.stack([light, still], axis=1)
+    sheet = next(c.camera.sensor for c in conditions if c.spread is not None)
+    theta = np.array([1.0, sheet.read_noise**2])
+    for _ in range(4):
+        sd = np.maximum(X @ np.maximum(theta, [1e-3, 0]), 1e-9) * np.sqrt(2 / count)
+        A = X / sd[:, None]
+        theta, *_ = np.linalg.lstsq(A, measured / sd, rcond=None)
+    covariance = np.linalg.inv(A.T @ A)
+    gain, square = float(theta[0]), float(theta[1] / theta[0] ** 2)
+    turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
+    covariance = turned @ covariance @ turned.T  # of gain and σ_d²
+    spike = np.array([GAIN, 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)])
+    slab = np.array([0.5, 3 * max(sheet.read_noise, 2.0) ** 2])
+    p = probability(np.array([gain - 1, square - sheet.read_noise**2]), covariance, spike, slab)
+    read = float(np.sqrt(max(square, 0.0)))
+    sigma = float(np.sqrt(covariance[1, 1])) / (2 * max(read, 0.5 * covariance[1, 1] ** 0.25))
+    about = parameters(SensorNoise)["read_noise"]
+    numbers = {
+        "K": Number(gain * sheet.K, float(np.sqrt(covariance[0, 0])) * sheet.K, "DN/e-"),
+        "read_noise": Number(read, sigma, about.unit),
+    }
+    return NoiseFinding("sensor_noise", p, numbers)
+
+
+def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, float, float]]:
+    """Mean K² e s² and K² s² of pixels of like brightness, their measured variance less the converter's, and how many
+    degrees of freedom it has."""
+    assert c.spread is not None
+    ok = c.usable(c.simulated())
+    light, still = per_electron(c.mean[ok], c.camera)
+    light, still = light.reshape(-1), np.broadcast_to(still, light.shape).reshape(-1)
+    measured = c.spread[ok].reshape(-1) - 1 / 12
+    order = np.argsort(simulation[ok].reshape(-1), kind="stable")
+    parts = [i for i in np.array_split(order, LEVELS) if len(i)]
+    degrees = len(c.captures) - 1
+    return [
+        (float(light[i].mean()), float(still[i].mean()), float(measured[i].mean()), degrees * len(i))
+        for i in parts
+    ]
 
 
 @dataclass(frozen=True)

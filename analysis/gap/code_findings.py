@@ -1,0 +1,132 @@
+"""Effects that show in which DN occur, and where: fewer bits than claimed, a lower full well, compression by blocks."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.noise_finding import NoiseFinding, Number, certainty
+from interchange.effects.jpeg import Jpeg, decoded
+from interchange.image import Image
+
+COMB = 1.4  # DN from one value that occurs to the next, from which on it is a comb
+LEAST_VALUES = 24  # that must occur
+SPIKE = 5.0  # times as many pixels as at the DN below, at which an image is cut off
+LEAST_CUT = 30  # pixels
+QUALITIES = range(20, 100, 2)
+SHALLOW = 0.85  # dip of what compressing once more changes, that chance makes
+
+
+def code_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> list[NoiseFinding]:
+    """Of quantization, saturation and jpeg, those that the captures' files let be judged."""
+    found: dict[str, NoiseFinding] = {}
+    for camera in dict.fromkeys(c.camera.name for c in conditions):
+        pairs = zip(conditions, simulations, strict=True)
+        own = [(c, s) for c, s in pairs if c.camera.name == camera and c.captures[0].bits]
+        if not own:
+            continue
+        of, said = [c for c, _ in own], [s for _, s in own]
+        told = [quantization(of), saturation(of, said)]
+        told += [jpeg(of)] if all(c.captures[0].bits == 8 for c in of) else []
+        for f in told:  # of several cameras the one that says most
+            if f is not None and (f.name not in found or f.probability > found[f.name].probability):
+                found[f.name] = f
+    return list(found.values())
+
+
+def quantization(conditions: Sequence[Condition]) -> NoiseFinding | None:
+    """Of the DN between the first and the last percentile, how many occur, against how many would if DN were drawn from
+    the histogram smoothed over 64 of them."""
+    sensor = conditions[0].camera.sensor
+    top = 2**sensor.bits_out - 1
+    counts = np.zeros(top + 1)
+    for c in conditions:
+        for capture in c.captures:
+            values = np.clip(capture.pixels[c.mask], 0, top).astype(np.int64).reshape(-1)
+            counts += np.bincount(values, minlength=top + 1)
+    cumulative = np.cumsum(counts) / counts.sum()
+    low, high = int(np.searchsorted(cumulative, 0.01)), int(np.searchsorted(cumulative, 0.99))
+    inside = counts[low : high + 1]
+    if len(inside) < LEAST_VALUES:
+        return None
+    smooth = np.maximum(cv2.blur(inside[:, None], (1, min(64, len(inside)))).reshape(-1), 0)
+    likely = 1 - np.exp(-smooth)
+    expected, occur = float(likely.sum()), float((inside > 0).sum())
+    if expected < LEAST_VALUES:
+        return None
+    step = expected / max(occur, 1.0)
+    spread = np.sqrt(float((likely * (1 - likely)).sum()) + (0.03 * expected) ** 2)
+    z = max((expected - occur) / spread, 0.0)
+    log_odds = 0.5 * z**2 - 3 if step >= COMB else -3.0
+    bits = sensor.bits_out - float(np.log2(max(step, 1.0)))
+    numbers = {"bits": Number(bits, float(spread / max(occur, 1.0) / np.log(2)), "1")}
+    return NoiseFinding("quantization", certainty(log_odds), numbers)
+
+
+def saturation(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:
+    """The highest DN of a channel lies below the sensor's and holds many more pixels than those below it, where the
+    simulation is brighter still. None where nothing is bright enough to tell."""
+    sensor = conditions[0].camera.sensor
+    cut = flat_top(conditions, simulations)
+    brightest = max(
+        float(s[c.mask].max()) for c, s in zip(conditions, simulations, strict=True) if c.mask.any()
+    )
+    if cut is None:
+        if brightest < 0.5 * (2**sensor.bits_out - 1):
+            return None
+        return NoiseFinding("saturation", certainty(-3.0), {"full_well": Number(sensor.full_well, 0.0, "e-")})
+    level, pixels = cut
+    full = (level - sensor.black_level) / sensor.K
+    log_odds = min(pixels / 10, 50.0) - 3
+    return NoiseFinding(
+        "saturation",
+        certainty(log_odds),
+        {"full_well": Number(full, float(1 / np.sqrt(12) / sensor.K), "e-")},
+    )
+
+
+def flat_top(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> tuple[float, int] | None:
+    """The DN below the highest that an image is cut off at, and how many pixels are. None where it is not.
+
+    Nothing at and above it can be compared: it would be taken for a response curve.
+    """
+    top = 2 ** conditions[0].camera.sensor.bits_out - 1
+    level = max(float(c.captures[0].pixels[c.mask].max()) for c in conditions if c.mask.any())
+    if level >= top:
+        return None
+    at, below, brighter = 0, np.zeros(12), 0.0
+    for c, simulation in zip(conditions, simulations, strict=True):
+        for capture in c.captures:
+            values = capture.pixels[c.mask]
+            here = values >= level
+            at += int(here.sum())
+            brighter += float((simulation[c.mask][here] > level - 0.5).sum())
+            below += np.array([((values >= level - k - 1) & (values < level - k)).sum() for k in range(12)])
+    if at < LEAST_CUT or at < SPIKE * max(float(below.mean()), 1.0) or brighter < 0.8 * at:
+        return None
+    return level, at
+
+
+def jpeg(conditions: Sequence[Condition]) -> NoiseFinding:
+    """Compressing once more changes least at the quality that an image was compressed by.
+
+    Farid: Exposing digital forgeries from JPEG ghosts. IEEE Trans. Information Forensics and Security 4(1), 2009.
+    """
+    pixels = np.ascontiguousarray(conditions[0].captures[0].pixels, np.float32)
+    quality, depth = min((_dip(pixels, halved) for halved in (True, False)), key=lambda found: found[1])
+    log_odds = float(np.clip((SHALLOW - depth) * 40, -5, 50))
+    return NoiseFinding("jpeg", certainty(log_odds), {"quality": Number(quality, 1.0, "1")})
+
+
+def _dip(pixels: np.ndarray, halved: bool) -> tuple[float, float]:
+    """The quality of the deepest dip of what compressing once more changes, and its depth: the change there over the
+    mean of those two steps beside it."""
+    off = []
+    for quality in QUALITIES:
+        again = decoded(Jpeg(float(quality), halved).encoded(Image(pixels))).astype(np.float32)
+        off.append(float(np.mean(np.abs(again - pixels))))
+    found = np.array(off)
+    depth = found[2:-2] / np.maximum((found[:-4] + found[4:]) / 2, 1e-9)
+    k = int(np.argmin(depth))
+    return float(QUALITIES[k + 2]), float(depth[k])

@@ -1,0 +1,150 @@
+"""What an effect of the scene changes, lamp by lamp, as the difference of two renderings.
+
+Both are the rasteriser's, whichever renderer a diagnosis simulates with: direct light in a fraction of a second, with
+the same spots of every pixel and lamp in both, so that sampling cancels in the difference. Kept in memory and on disk
+under the content of the scene.
+"""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from analysis.gap.radiance import Rendered, fingerprint
+from interchange.camera import Camera
+from interchange.effects import Effect
+from interchange.effects.shadow import TWIN
+from interchange.scene import Scene
+from realtime.renderers.rasterizer import Rasterizer
+
+LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
+SPOTS, MANY = 8, 16  # a pixel; and of a lamp whose size matters: of smaller images up to twice as many
+NOTHING = 1e-4  # of the largest difference: less is rounding of what was stored
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """``lamps`` {name: (h, w, 3) float16} times ``scale`` is the change of radiance by each lamp as bright as rendered,
+    in ``rows`` and ``columns`` of the image of ``size`` (width, height) that is enlarged to the camera's."""
+
+    lamps: dict[str, np.ndarray]
+    scale: float
+    rows: slice
+    columns: slice
+    size: tuple[int, int]
+
+    def radiance(self, weights: dict[str, np.ndarray], resolution: tuple[int, int]) -> np.ndarray:
+        """(H, W, 3) float32, each lamp weighted by (3,) numbers."""
+        out = np.zeros((self.size[1], self.size[0], 3), np.float32)
+        part = out[self.rows, self.columns]
+        for name, plane in self.lamps.items():
+            weight = weights.get(name)
+            if weight is not None and weight.any():
+                part += plane.astype(np.float32) * (self.scale * weight).astype(np.float32)
+        if self.size == resolution:
+            return out
+        return np.asarray(cv2.resize(out, resolution, interpolation=cv2.INTER_LINEAR))
+
+
+class Knots:
+    """Renders changes as they are asked for. ``cache``: where they are kept. ``opened``: the rasteriser, opened by the
+    first rendering that no cache holds, and kept until ``close``."""
+
+    def __init__(self, cache: Path, opened: Callable[[], Rasterizer] = Rasterizer) -> None:
+        self.cache, self.opened = cache, opened
+        self.rendered = 0  # images drawn so far
+        self._rasterizer: Rasterizer | None = None
+        self._scenes: dict[int, Scene] = {}  # which live as long as their ids are used
+        self._changes: dict[tuple[int, Effect, str], Change] = {}
+        self._base: dict[tuple[int, int], dict[str, np.ndarray]] = {}
+
+    def change(self, shown: Rendered, effect: Effect, target: str = "", spots: int = SPOTS) -> Change:
+        """What ``effect`` on ``target`` adds to what was ``shown``. Raises BrightfieldError and ParameterError."""
+        key = (id(shown.scene), effect, target)
+        if key not in self._changes:
+            self._scenes[id(shown.scene)] = shown.scene
+            self._changes[key] = self._kept(shown, effect, target, spots)
+        return self._changes[key]
+
+    def close(self) -> None:
+        """Give the rasteriser back; what was rendered stays."""
+        if self._rasterizer is not None:
+            self._rasterizer.release()
+        self._rasterizer = None
+
+    def __enter__(self) -> "Knots":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _kept(self, shown: Rendered, effect: Effect, target: str, spots: int) -> Change:
+        camera = _small(shown.camera)
+        width, height = camera.sensor.resolution
+        spots = round(spots * float(np.clip(LARGEST / (width * height), 1, 2)))
+        before = shown.scene
+        scene = replace(effect.on_scene(before, target), cameras=())
+        name = fingerprint((before.bodies, before.lights, scene.bodies, scene.lights, camera, spots))
+        file = self.cache / f"{name[:32]}.knot.npz"
+        if file.is_file():
+            return _read(file)
+        base = (id(before), spots)
+        if base not in self._base:
+            self._base[base] = self._lamps(before, camera, spots)
+        change = _difference(self._lamps(scene, camera, spots), self._base[base], camera)
+        self.cache.mkdir(parents=True, exist_ok=True)
+        _write(file, change)
+        return change
+
+    def _lamps(self, scene: Scene, camera: Camera, spots: int) -> dict[str, np.ndarray]:
+        if self._rasterizer is None:
+            self._rasterizer = self.opened()
+        self.rendered += 1
+        image = self._rasterizer.render(scene, camera, (), True, spots)
+        found: dict[str, np.ndarray] = {}
+        for name, plane in image.passes.items():
+            if name.startswith("light:"):
+                lamp = name.removeprefix("light:").removesuffix(TWIN)
+                found[lamp] = found[lamp] + plane if lamp in found else plane
+        return found
+
+
+def _small(camera: Camera) -> Camera:
+    width, height = camera.sensor.resolution
+    share = min(1.0, float(np.sqrt(LARGEST / (width * height))))
+    return replace(camera.resized(max(1, round(width * share))) if share < 1 else camera, t_exp=1.0)
+
+
+def _difference(after: dict[str, np.ndarray], before: dict[str, np.ndarray], camera: Camera) -> Change:
+    lamps = {name: plane - before[name] for name, plane in after.items() if name in before}
+    most = max((float(np.abs(d).max()) for d in lamps.values()), default=0.0)
+    rows = columns = slice(0, 0)
+    if most > 0:
+        seen = np.max([np.abs(d).max(axis=2) for d in lamps.values()], axis=0) > NOTHING * most
+        v, u = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        rows, columns = slice(int(v[0]), int(v[-1]) + 1), slice(int(u[0]), int(u[-1]) + 1)
+    scale = most or 1.0
+    kept = {
+        n: (d[rows, columns] / scale).astype(np.float16)
+        for n, d in lamps.items()
+        if np.abs(d).max() > NOTHING * scale
+    }
+    return Change(kept, scale, rows, columns, camera.sensor.resolution)
+
+
+def _write(file: Path, change: Change) -> None:
+    place = [change.rows.start, change.rows.stop, change.columns.start, change.columns.stop, *change.size]
+    beside = file.with_name(f".{file.stem}.{os.getpid()}.npz")
+    lamps = {f"lamp:{name}": plane for name, plane in change.lamps.items()}
+    np.savez(beside, place=np.array(place), scale=np.array(change.scale), **lamps)
+    os.replace(beside, file)
+
+
+def _read(file: Path) -> Change:
+    with np.load(file) as stored:
+        a, b, c, d, w, h = (int(x) for x in stored["place"])
+        lamps = {n.removeprefix("lamp:"): stored[n] for n in stored.files if n.startswith("lamp:")}
+        return Change(lamps, float(stored["scale"]), slice(a, b), slice(c, d), (w, h))

@@ -1,0 +1,173 @@
+"""Effects of noise, recovered from simulated repeats of a lit plane with stripes; 160 x 120 px, no renderer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation
+from analysis.gap.conditions import Condition
+from analysis.gap.fixed_pattern import fixed_pattern
+from analysis.gap.noise import noise_findings, sensor_noise
+from analysis.gap.noise_finding import probability
+from analysis.gap.radiance import Rendered
+from interchange.camera import Camera, Sensor
+from interchange.captures import Capture
+from interchange.effects import Effect
+from interchange.effects.fixed_pattern import FixedPattern
+from interchange.effects.jpeg import Jpeg, decoded
+from interchange.effects.response_curve import ResponseCurve
+from interchange.effects.saturation import Saturation
+from interchange.effects.sensor_noise import SensorNoise
+from interchange.exposure import expose
+from interchange.image import Image
+from interchange.light import Light, LightKind
+from interchange.scene import Scene
+
+SHEET = Sensor((160, 120), (5e-6, 5e-6), responsivity=8000.0, full_well=1e4, black_level=64, read_noise=5, prnu=0.004,
+               dsnu=1.0, bit_depth=12)  # fmt: skip
+LAMPS = ("/A", "/B", "/C")
+
+
+def _planes() -> dict[str, np.ndarray]:
+    """Light of three lamps from three sides, on stripes of two albedos."""
+    y, x = np.mgrid[:120, :160] / 120
+    stripes = np.where((x * 8).astype(int) % 2, 0.9, 0.45)
+    falls = [(x, y), (1.33 - x, y), (x, 1 - y)]
+    return {
+        name: (stripes / (1 + 2 * u**2 + v**2))[..., None].repeat(3, axis=2).astype(np.float32)
+        for name, (u, v) in zip(LAMPS, falls, strict=True)
+    }
+
+
+def _rig(
+    seed: int, effects: tuple[Effect, ...] = (), sheet: Sensor = SHEET, repeats: int = 2, power: float = 1.0
+) -> tuple[list[Condition], list[np.ndarray]]:
+    """Each lamp alone, by the sensor of ``sheet`` with other ``effects`` than its data sheet says."""
+    rng = np.random.default_rng(seed)
+    camera = Camera("/Top", sensor=replace(sheet, serial_number=str(seed)))
+    planes = _planes()
+    full = Scene(lights=tuple(Light(n, LightKind.SPHERE, (1.0, 1.0, 1.0)) for n in LAMPS))
+    nothing = np.zeros((120, 160, 3), np.float32)
+    shown = Rendered(full, camera, planes, {n: np.ones(3) for n in LAMPS}, nothing, nothing, None, {})
+    found = []
+    for lamp in LAMPS:
+        on = tuple(replace(x, intensity=(power * (x.name == lamp),) * 3) for x in full.lights)
+        scene = replace(full, lights=on)
+        image = Image(shown.radiance(scene))
+        shots = [expose(image, camera, rng=rng, effects=effects).pixels for _ in range(repeats)]
+        captures = tuple(
+            Capture(f"{lamp}{k}.png", "/Top", 0, 1.0, s, bits=8 if sheet.bits_out == 8 else 16)
+            for k, s in enumerate(shots)
+        )
+        stack = np.stack(shots)
+        spread = stack.var(axis=0, ddof=1) if repeats > 1 else None
+        mask = np.ones((120, 160), bool)
+        found.append(Condition(captures, scene, camera, stack.mean(axis=0), spread, mask, rendered=shown))
+    return found, [c.simulated().dn for c in found]
+
+
+def test_the_data_sheets_own_sensor_has_no_finding() -> None:
+    """20 seeds: no effect with more than 0.05, in 80 answers."""
+    for seed in range(20):
+        for told in noise_findings(*_rig(seed)):
+            assert told.probability < 0.05, (seed, told)
+
+
+def test_gain_and_read_noise_lie_within_their_intervals() -> None:
+    """12 seeds, at two repeats: z of both numbers has rms 1 within what 24 values tell (0.65 to 1.45 at 99 %), and mean
+    within 3 / sqrt(12): no bias from binning."""
+    z = []
+    for seed in range(12):
+        told = sensor_noise(*_rig(seed, (SensorNoise(9.0), Saturation(9e3))))
+        assert told is not None
+        assert told.probability > 0.99
+        K, read = told.parameters["K"], told.parameters["read_noise"]
+        z.append(((K.value - (4095 - 64) / 9e3) / K.sigma, (read.value - 9) / read.sigma))
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5
+    assert np.abs(np.mean(z, axis=0)).max() < 3 / np.sqrt(12)
+
+
+def test_fixed_patterns_lie_within_their_intervals() -> None:
+    """8 seeds; the pattern itself, drawn on 19,200 x 3 px, is known to 0.3 %."""
+    z = []
+    for seed in range(8):
+        effect = FixedPattern(prnu=0.012, dsnu=6.0, serial_number=str(seed))
+        told = fixed_pattern(*_rig(seed, (effect,)))
+        assert told is not None
+        assert told.probability > 0.95
+        for name, true in (("prnu", 0.012), ("dsnu", 6.0)):
+            number = told.parameters[name]
+            z.append((number.value - true) / number.sigma)
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.6
+
+
+def test_a_pattern_needs_two_lamps_of_their_own() -> None:
+    found, said = _rig(0)
+    assert fixed_pattern(found[:1], said[:1]) is None
+    again = [found[0], replace(found[0], captures=found[1].captures)]
+    assert fixed_pattern(again, [said[0], said[0]]) is None
+
+
+@pytest.mark.parametrize("bits", [8, 10, 11])
+def test_fewer_bits_leave_a_comb(bits: int) -> None:
+    found, _ = _rig(1)
+    step = 2 ** (12 - bits)
+
+    def coarse(c: Condition) -> Condition:
+        captures = tuple(replace(x, pixels=np.floor(x.pixels / step) * step) for x in c.captures)
+        return replace(c, captures=captures)
+
+    told = quantization([coarse(c) for c in found])
+    assert told is not None
+    assert told.probability > 0.95
+    assert told.parameters["bits"].value == pytest.approx(bits, abs=0.1)
+
+
+def test_a_lower_full_well_cuts_the_histogram() -> None:
+    found, said = _rig(2, (ResponseCurve(),), power=1.1)
+    assert flat_top(found, said) is None
+    cut = [
+        replace(c, captures=tuple(replace(x, pixels=np.minimum(x.pixels, 2400)) for x in c.captures))
+        for c in found
+    ]
+    level, pixels = flat_top(cut, said) or (0, 0)
+    assert level == 2400
+    assert pixels > 1000
+    told = saturation(cut, said)
+    assert told is not None
+    assert told.probability > 0.95
+    assert told.parameters["full_well"].value == pytest.approx((2400 - 64) / SHEET.K)
+
+
+def test_a_sensor_that_saturates_at_its_highest_value_is_what_the_sheet_says() -> None:
+    found, said = _rig(3, power=3.0)
+    assert max(c.mean.max() for c in found) == 4095
+    assert flat_top(found, said) is None
+    told = saturation(found, said)
+    assert told is not None
+    assert told.probability < 0.05
+
+
+@pytest.mark.parametrize(("quality", "halved"), [(0, False), (40, False), (80, True), (92, False)])
+def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -> None:
+    found, _ = _rig(4, sheet=replace(SHEET, bit_depth=8, black_level=4, full_well=2e4))
+    if quality:
+        pack = Jpeg(float(quality), halved)
+
+        def packed(x: Capture) -> Capture:
+            return replace(x, pixels=decoded(pack.encoded(Image(x.pixels))).astype(np.float32))
+
+        found = [replace(c, captures=tuple(map(packed, c.captures))) for c in found]
+    told = jpeg(found)
+    if quality:
+        assert told.probability > 0.95
+        assert told.parameters["quality"].value == pytest.approx(quality, abs=2)
+    else:
+        assert told.probability < 0.05
+
+
+def test_probability_is_the_ratio_of_marginal_likelihoods() -> None:
+    """One number known exactly: at 0 the odds are those of the priors' heights times the prior's."""
+    p = probability(np.zeros(1), np.zeros((1, 1)), np.array([0.01]), np.array([0.5]), prior=0.1)
+    assert p / (1 - p) == pytest.approx((0.1 / 0.9) * 0.01 / 0.5)
