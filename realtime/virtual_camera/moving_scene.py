@@ -5,6 +5,7 @@ Cameras that look at the same scene share one ``MovingScene``; what one consumer
 
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -49,6 +50,9 @@ class Moment:
     encoders: dict[str, int] = field(default_factory=dict)
 
 
+KEPT = 16  # moments
+
+
 class MovingScene:
     """``source``: a scene that stands still, or a time line. ``live``: time passes by the clock on the wall; else by
     the frames that are taken. Every method may be called from any thread; what is set holds from the next exposure
@@ -63,7 +67,8 @@ class MovingScene:
     ) -> None:
         self.live = live
         self.timeline = source if isinstance(source, TimeLine) else TimeLine(lambda _: source)
-        self._lock = threading.Lock()
+        self._lock, self._asking = threading.Lock(), threading.Lock()
+        self._moments: OrderedDict[float, Moment] = OrderedDict()
         self._began, self._shown = time.monotonic(), 0.0
         self._latest: tuple[float, Scene] | None = None
         first = self._scene(self.timeline.first)
@@ -92,7 +97,18 @@ class MovingScene:
         return time.monotonic() - self._began if self.live else self._shown
 
     def at(self, seconds: float) -> Moment:
-        """What is there at ``seconds``."""
+        """What is there at ``seconds``. While it is live, all who ask for one of the latest times get the same
+        moment, whatever was moved in between: two cameras of one exposure see one scene."""
+        if not self.live:
+            return self._moment(seconds)
+        with self._asking:
+            if seconds not in self._moments:
+                self._moments[seconds] = self._moment(seconds)
+                while len(self._moments) > KEPT:
+                    self._moments.popitem(last=False)
+            return self._moments[seconds]
+
+    def _moment(self, seconds: float) -> Moment:
         with self._lock:
             scene = self._scene(self.timeline.code(seconds))
             poses, cameras = dict(self._poses), dict(self._camera_poses)

@@ -47,7 +47,7 @@ class Pace:
         gone = max(0, int((now - due) / period + SAME))
         self.missed += gone
         self.frames += 1
-        self._last = due + gone * period
+        self._last = due if not gone else float(np.floor(now / period + SAME) * period)
         self._late.append(now - self._last)
         self._starts.append(now)
         return self._last

@@ -235,3 +235,12 @@ def test_live_cameras_of_one_rate_show_the_same_moments(empty, live):
     grid = np.array(seconds) * 200
     np.testing.assert_allclose(grid, np.rint(grid), atol=1e-6)
     assert (np.diff(grid) > 0.5).all()
+
+
+def test_live_cameras_of_one_exposure_see_one_scene(empty, live):
+    """What is moved between the two frames of a moment holds from the next moment on."""
+    scene = MovingScene(empty, live=True)
+    before = scene.at(5.0)
+    scene.set_body_pose("/World/Part", live.at(1, 0))
+    assert scene.at(5.0) is before
+    np.testing.assert_array_equal(scene.at(5.1).scene.bodies[0].world_from_body, live.at(1, 0))
