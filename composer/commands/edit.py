@@ -65,7 +65,7 @@ def edits() -> str:
     """Every edit with its fields and what it is."""
     from dataclasses import MISSING, fields
 
-    from composer.editor.commands import COMMANDS
+    from composer.editor.command_text import COMMANDS
 
     lines = []
     for name, kind in COMMANDS.items():

@@ -26,11 +26,12 @@ def ring(radius: float, z: float = 0.0, axis: int = 2) -> np.ndarray:
     return chain(points)
 
 
-def lamp(light: Light, size: float) -> np.ndarray:
-    """The emitting surface and the axis or cone of a lamp; ``size`` m where it has no extent of its own."""
+def lamp(light: Light, size: float, beam: bool = True) -> np.ndarray:
+    """The emitting surface and the axis of a lamp, with the cone of its ``beam``; ``size``: m, where it has no extent
+    of its own."""
     match light.kind:
         case LightKind.SPHERE:
-            r = max(light.radius, 0.25 * size)
+            r = max(light.radius, 0.16 * size)
             own = [ring(r, axis=k) for k in range(3)]
         case LightKind.DISK:
             r = max(light.radius, 0.1 * size)
@@ -50,8 +51,8 @@ def lamp(light: Light, size: float) -> np.ndarray:
         case LightKind.DOME:
             own = [ring(0.5 * size, axis=k) for k in range(3)]
     if light.kind not in (LightKind.DOME, LightKind.DISTANT):
-        own.append(np.array([[[0, 0, 0], [0, 0, -size]]], float))
-        if light.cone_angle < np.pi / 2:
+        own.append(np.array([[[0, 0, 0], [0, 0, -size if beam else -0.5 * size]]], float))
+        if beam and light.cone_angle < np.pi / 2:
             r = size * np.tan(min(light.cone_angle, np.radians(85)))
             own.append(ring(r, -size))
             for k in range(0, 32, 8):

@@ -1,6 +1,7 @@
 """One number of a camera by its dotted name: ``lens.f_stop``, ``lens.vignetting.0``, ``t_exp``."""
 
 from dataclasses import fields, is_dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 from interchange.camera import Camera
@@ -31,6 +32,15 @@ def with_number(camera: Camera, name: str, value: Any) -> Camera:
             raise BrightfieldError(f"{name}: there are {len(numbers)} numbers, counted from 0.")
         numbers[int(index[0])] = float(value)
         value = tuple(numbers)
+    now = getattr(record, field)
+    if isinstance(now, StrEnum):
+        words_known = [str(w) for w in type(now)]
+        if value not in words_known:
+            raise BrightfieldError(
+                f'{name} must be one of {", ".join(words_known)}; got "{value}".'
+                f"{did_you_mean(str(value), words_known)}"
+            )
+        value = type(now)(value)
     try:
         changed = replace(record, **{field: value})
     except (TypeError, ValueError) as error:

@@ -10,12 +10,29 @@ from functools import cache
 from pathlib import Path
 
 from analysis.fit.unknowns import from_published
+from composer.demo.station import ALUMINIUM, ANODISED
 from composer.editor.commands import AddMaterial
 from interchange.brdf import BY_NAME, Brdf
+from interchange.brdf.lafortune import Lafortune
 from interchange.parameter import parameters
 
 PUBLISHED = Path(__file__).with_name("presets.csv")
-MEASURED, MODELS = "Measured materials (Lafortune)", "Models of the catalogue"
+TYPICAL, MEASURED, MODELS = (
+    "Typical surfaces (Lafortune)",
+    "Measured materials (Lafortune)",
+    "Models of the catalogue",
+)
+
+# lobes in the shape that fits of such surfaces take (Ngan et al. 2005), not measurements: to start with
+COMMON = {
+    "aluminium, machined": ALUMINIUM,
+    "aluminium, anodised black": ANODISED,
+    "steel, ground": Lafortune((0.06,) * 3, ((0.9, 0.88, 0.84),), ((-0.97, -0.97, 0.985),), (40.0,)),
+    "plastic, black": Lafortune((0.02,) * 3, ((0.25,) * 3,), ((-0.98, -0.98, 0.99),), (60.0,)),
+    "plastic, white": Lafortune((0.7,) * 3, ((0.25,) * 3,), ((-0.98, -0.98, 0.99),), (60.0,)),
+    "rubber": Lafortune((0.035,) * 3, ((0.03,) * 3,), ((-0.9, -0.9, 0.95),), (4.0,)),
+    "paper": Lafortune((0.78, 0.77, 0.74)),
+}
 
 
 @dataclass(frozen=True)
@@ -30,16 +47,17 @@ class Preset:
     @property
     def command(self) -> AddMaterial:
         values = {name: getattr(self.brdf, name) for name in parameters(self.brdf)}
-        words = self.name.replace("-", " ").replace("_", " ").split()
+        words = self.name.replace("-", " ").replace("_", " ").replace(",", " ").split()
         model = type(self.brdf).__name__
         own = model if self.group == MODELS else "".join(w.capitalize() for w in words)
-        return AddMaterial(model, own, values if self.group == MEASURED else {})
+        return AddMaterial(model, own, {} if self.group == MODELS else values)
 
 
 @cache
 def presets() -> tuple[Preset, ...]:
-    """The measured materials, then the models, both by name."""
-    found = []
+    """The typical surfaces, the measured materials, then the models, these by name."""
+    about = "Typical, not measured; lobes in the shape of the fits of Ngan, Durand, Matusik: EGSR 2005"
+    found = [Preset(TYPICAL, name, brdf, about) for name, brdf in COMMON.items()]
     with PUBLISHED.open(encoding="utf8", newline="") as stream:
         for row in csv.DictReader(stream):
             rho_d = tuple(float(row[f"rho_d_{c}"]) for c in "rgb")

@@ -11,7 +11,8 @@ FOCAL, HEIGHT, PITCH = 16e-3, 1080, 3.45e-6  # a common lens and sensor
 
 def _scene(on: Workspace) -> tuple[np.ndarray, float]:
     """Middle and size, m, of what there is."""
-    bounds = on.bounds(on.selection) if on.selection else None
+    chosen = [p for p in on.selection if on.kind(p) in ("mesh", "group")]
+    bounds = on.bounds(chosen) if chosen else None
     bounds = on.bounds() if bounds is None else bounds
     if bounds is None:
         return np.zeros(3), 0.1

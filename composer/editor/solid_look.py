@@ -41,8 +41,8 @@ class SolidLook:
 
 
 def color_of(material: Material) -> tuple[float, float, float]:
-    """Of the preview surface that looks like it; never black, so that its shape is seen."""
-    r, g, b = (max(0.06, min(0.85, float(x))) for x in preview_of(material.brdf).diffuseColor)
+    """Of the preview surface that looks like it, lightened: the shape of black things is seen, too."""
+    r, g, b = (max(0.20, min(0.80, 0.15 + 0.85 * float(x))) for x in preview_of(material.brdf).diffuseColor)
     return r, g, b
 
 

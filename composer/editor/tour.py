@@ -1,8 +1,7 @@
 """The editor driven as a person would: a STEP part, a lamp, a measured material, a camera, undone, saved, reopened.
 
-    python -m composer.editor.tour --part PART.STEP --out docs
-
-It ends with status 0 where every step did what it should; the pictures of docs/editor.md are made on the way.
+python -m composer.editor.tour --out DIR              # status 0 where every step did what it should
+python -m composer.editor.tour --out DIR --pictures   # the pictures of docs/editor.md
 """
 
 import argparse
@@ -12,6 +11,7 @@ import sys
 import threading
 import time
 import traceback
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +23,11 @@ from composer.editor.workspace import Workspace
 from interchange.brdf.lafortune import Lafortune
 from interchange.problems import BrightfieldError
 
+PART = "cad/featuretype.STEP"
 SCREEN = (1600, 960)
 
 
-def steps(robot: Robot, part: Path, out: Path, pictures: bool) -> None:
+def steps(robot: Robot, part: Path, out: Path) -> None:
     """Each step is followed by what must then hold. Raises BrightfieldError or AssertionError."""
     workspace = robot.app.state.workspace
     robot.frames(3)
@@ -52,8 +53,8 @@ def steps(robot: Robot, part: Path, out: Path, pictures: bool) -> None:
     robot.click(f"tree {body}")
     assert workspace.selection == (body,)
     robot.click("library find")
-    robot.type("aluminium")
-    robot.click("library aluminium")
+    robot.type("machined")
+    robot.click("library aluminium, machined")
     robot.wait("The material", lambda: isinstance(workspace.scene.bodies[0].material.brdf, Lafortune))
     assert workspace.selection == (body,)
 
@@ -104,18 +105,78 @@ def steps(robot: Robot, part: Path, out: Path, pictures: bool) -> None:
     assert again.lights[0].intensity == scene.lights[0].intensity
     assert again.cameras[0].lens == scene.cameras[0].lens
     assert again.cameras[0].sensor == scene.cameras[0].sensor
-    if pictures:
-        _pictures(robot, out)
 
 
-def _pictures(robot: Robot, out: Path) -> None:
+def pictures(robot: Robot, assets: Path, out: Path) -> None:
+    """The pictures of docs/editor.md: the demo's station, looked at, edited and path-traced."""
+    from composer.demo.station import station
+    from interchange.formats.document import Document
+    from interchange.formats.usd_author import author_scene
+
+    app = robot.app
+    frames = [
+        replace(scene, cameras=tuple(replace(c, t_exp=4.0) for c in scene.cameras))
+        for scene in station(assets)
+    ]
+    file = out / "station.usda"
+    Document(author_scene(frames[0], frames=frames[1:]), file).save(file)
+    robot.key("ctrl+o")
+    robot.rect("dialog name")
+    robot.type(str(file))
+    robot.key("Return")
+    workspace = app.state.workspace
+    robot.wait("The station", lambda: len(workspace.scene.cameras) == 2)
+    x0, y0, x1, y1 = robot.rect("viewport")
+    robot.click("library find")
+    robot.key("ctrl+a")
+    robot.key("BackSpace")
+    robot.move(*robot.middle("tree /World/Part"))
+    for _ in range(12):
+        robot.press(5)  # the wheel, down
+    robot.click("tree /World/Oblique")
+    robot.move((x0 + x1) / 2, (y0 + y1) / 2)
     robot.key("Home")
-    robot.wait("The balls", lambda: robot.app.library.waiting is None)
-    robot.wait("The camera's picture", lambda: robot.app.views[0].full)
+    for _ in range(3):
+        robot.press(4)  # the wheel, nearer
+    rest(robot)
     robot.picture(out / "editor.png")
 
+    robot.move(*robot.middle("tree /World/Oblique"))
+    for _ in range(12):
+        robot.press(4)
+    robot.click("tree /World/Part")
+    robot.move((x0 + x1) / 2, (y0 + y1) / 2)
+    robot.key("f")
+    robot.key("g")
+    for key in ("z", "2", "0"):
+        robot.key(key)
+    rest(robot)
+    robot.picture(out / "editor_moving.png")
+    robot.key("Escape")
 
-def drive(part: Path, out: Path, pictures: bool) -> int:
+    robot.click("lamps")
+    robot.click("offline 0")
+    robot.wait("Path tracing", lambda: app.state.job is not None)
+    robot.patience = 600
+    robot.wait("The path-traced image", lambda: app.state.job is not None and not app.state.job.running)
+    assert app.state.job is not None
+    assert not app.state.job.error, app.state.job.error
+    robot.click("radiance 1")
+    rest(robot)
+    left, top, right, bottom = robot.rect("camera 1")
+    robot.move(left + 0.45 * (right - left), top + 0.5 * (bottom - top))
+    robot.picture(out / "editor_offline.png")
+
+
+def rest(robot: Robot) -> None:
+    """Until every picture is made in full."""
+    robot.frames(3)
+    robot.wait("The balls", lambda: robot.app.library.waiting is None)
+    robot.wait("The views", lambda: robot.app.state.quiet and all(v.full for v in robot.app.views if v.shown))
+    robot.frames(3)
+
+
+def drive(assets: Path, out: Path, with_pictures: bool) -> int:
     """Open the window on this screen, take the steps, close it."""
     out.mkdir(parents=True, exist_ok=True)
     app = App(Workspace(Autosave(out / "autosave")), rests=False)
@@ -125,7 +186,10 @@ def drive(part: Path, out: Path, pictures: bool) -> int:
         robot = Robot(app)
         try:
             robot.wait("The window", lambda: app.frames > 5)
-            steps(robot, part.resolve(), out.resolve(), pictures)
+            if with_pictures:
+                pictures(robot, assets.resolve(), out.resolve())
+            else:
+                steps(robot, (assets / PART).resolve(), out.resolve())
         except Exception:  # told at the end, by the main thread
             failed.append(traceback.format_exc())
             robot.picture(out / "failed.png")
@@ -140,13 +204,15 @@ def drive(part: Path, out: Path, pictures: bool) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--part", type=Path, required=True, help="a CAD file")
+    parser.add_argument(
+        "--assets", type=Path, default=Path("assets"), help="the folder with cad/featuretype.STEP"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the scene and the pictures")
     parser.add_argument("--pictures", action="store_true", help="make the pictures of docs/editor.md")
     parser.add_argument("--here", action="store_true", help="on the screen that is there")
     args = parser.parse_args()
     if args.here:
-        return drive(args.part, args.out, args.pictures)
+        return drive(args.assets, args.out, args.pictures)
     if missing():
         raise BrightfieldError(f"The tour needs {' and '.join(missing())}: apt install xvfb xdotool.")
     began = time.perf_counter()

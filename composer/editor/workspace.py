@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from composer.editor.autosave import Autosave, Saved, drop
-from composer.editor.commands import Command, as_text, parse
+from composer.editor.command_text import as_text, parse
+from composer.editor.commands import Command
 from composer.editor.history import History, Step
 from interchange.formats.base import Options
 from interchange.formats.document import format_for_writing, open_scene

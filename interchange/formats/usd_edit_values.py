@@ -197,7 +197,9 @@ def set_brdf(stage: Usd.Stage, material: str, brdf: Brdf) -> None:
             usd.GetPrim().RemoveProperty(output.GetAttr().GetName())
         return
     path = shader.GetPath() if shader is not None else usd.GetPath().AppendChild("Brdf")
-    if shader is not None:
+    there = UsdShade.Shader(stage.GetPrimAtPath(path))  # of a model before, maybe no longer connected
+    if there:
+        shader = there
         for child in list(shader.GetPrim().GetChildren()):  # parts of a sum
             stage.RemovePrim(child.GetPath())
         for given in shader.GetInputs():

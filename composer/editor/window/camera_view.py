@@ -12,6 +12,7 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from composer.editor.offline_job import OfflineJob
 from composer.editor.window import theme
 from composer.editor.window.display import Display, Look
+from composer.editor.window.hidden import Hidden
 from composer.editor.window.places import mark, mark_rect
 from composer.editor.window.state import State
 from composer.editor.window.toolbar import toggle
@@ -31,6 +32,7 @@ class CameraView:
     camera: str = ""
     mode: str = "sensor"  # or "radiance"
     noise: bool = True
+    bright: bool = False  # digital numbers stretched and encoded for the eye
     zoom_in: bool = False
     split: float = 0.5
     samples: int = 64
@@ -42,20 +44,26 @@ class CameraView:
     offline: Image | None = None
     histogram: np.ndarray = field(default_factory=lambda: np.zeros((1, BINS), np.float32))
     gain: float = 1.0
+    stretch: float = 1.0
     full: bool = False
     problem: str = ""
     seed: int = 0
-    grabbed: bool = False
+    hidden: Hidden = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.hidden = Hidden(self.state)
 
     def gui(self) -> None:
         camera = self._choose()
         if camera is None:
-            imgui.text_disabled("The scene has no camera.")
-            imgui.text_disabled("Add one from the menu Add.")
+            count, more = ("one", "another") if self.state.scene.cameras else ("no", "one")
+            imgui.text_disabled(f"The scene has {count} camera.")
+            imgui.text_disabled(f"Add {more} from the menu Add.")
             return
         self._bar(camera)
         self._picture(camera)
         self._offline(camera)
+        self.hidden.update(camera)
         if self.problem:
             imgui.push_text_wrap_pos(0)
             imgui.text_colored(imgui.ImVec4(*theme.BAD), self.problem)
@@ -65,7 +73,7 @@ class CameraView:
 
     def _choose(self) -> Camera | None:
         cameras = self.state.scene.cameras
-        if not cameras:
+        if len(cameras) <= self.number and not (self.camera and cameras):
             self.drawn = self.shown = None
             return None
         names = [c.name for c in cameras]
@@ -76,7 +84,7 @@ class CameraView:
         return cameras[names.index(self.camera)]
 
     def _bar(self, camera: Camera) -> None:
-        imgui.set_next_item_width(120)
+        imgui.set_next_item_width(98)
         if imgui.begin_combo("##camera", camera.name.rsplit("/", 1)[-1]):
             for each in self.state.scene.cameras:
                 if imgui.selectable(each.name.rsplit("/", 1)[-1], each.name == camera.name)[0]:
@@ -88,9 +96,18 @@ class CameraView:
         imgui.same_line(0, 2)
         if toggle("Radiance", self.mode == "radiance", "W/(m² sr) in false colour"):
             self.mode = "radiance"
+        mark(f"radiance {self.number}")
         imgui.same_line(0, 8)
         if toggle(icons.ICON_FA_BRAILLE, self.noise, "Noise of the sensor"):
             self.noise = not self.noise
+        imgui.same_line(0, 2)
+        if toggle(icons.ICON_FA_SUN, self.bright, "Brightened for the eye; the numbers stay as they are"):
+            self.bright = not self.bright
+        imgui.same_line(0, 2)
+        tip = "Red: where something else stands before the workpiece, which is what is selected now"
+        if toggle(icons.ICON_FA_EYE_SLASH, bool(self.hidden.workpiece), tip):
+            self.hidden.toggle()
+        mark(f"hidden {self.number}")
         imgui.same_line(0, 2)
         if toggle(icons.ICON_FA_CROSSHAIRS, False, "Select this camera"):
             self.state.workspace.select([camera.name])
@@ -109,7 +126,7 @@ class CameraView:
             if imgui.is_item_hovered():
                 imgui.set_tooltip("Render this view by path tracing, in a process of its own")
             imgui.same_line(0, 2)
-            imgui.set_next_item_width(64)
+            imgui.set_next_item_width(58)
             changed, index = imgui.combo("##samples", SAMPLES.index(self.samples), [str(n) for n in SAMPLES])
             self.samples = SAMPLES[index] if changed else self.samples
             if imgui.is_item_hovered():
@@ -138,32 +155,37 @@ class CameraView:
             camera.name,
             self.mode,
             self.noise,
+            self.bright,
             used.sensor.resolution,
             quiet,
         )
         if key == self.drawn or state.renderer is None or state.context is None:
             return
-        again = (
-            self.drawn is not None
-            and self.live is not None
-            and self.drawn[:3] + self.drawn[5:] == key[:3] + key[5:]
-        )
         self.drawn, self.full, self.problem = key, quiet, ""
         before = state.context.detect_framebuffer()
         try:
-            if not again:
-                sharp = used.lens.f_stop > 0 and used.lens.focus_distance > 0
-                samples = (16 if sharp else 4) if quiet else (2 if sharp else 1)
-                once = "pixel" if state.scene.bodies else "sample"  # an empty scene has nothing to merge
-                self.live = state.renderer.render(state.scene, used, samples=samples, shading=once)
-                self.seed += 1
-            assert self.live is not None
+            blurred = used.lens.f_stop > 0 and used.lens.focus_distance > 0
+            samples = (16 if blurred else 4) if quiet else (2 if blurred else 1)
+            self.live = self._rendered(used, samples)
+            self.seed += 1
             self.shown = self._exposed(self.live)
             self._show("live", self.shown, measure=True)
         except BrightfieldError as error:
             self.problem = str(error)
         finally:
             before.use()
+
+    def _rendered(self, camera: Camera, samples: int) -> Image:
+        """Radiance; two views of one camera share it."""
+        state = self.state
+        assert state.renderer is not None
+        key = (state.scene_key, state.workspace.time, camera.name, camera.sensor.resolution, samples)
+        if key not in state.pictures:
+            while len(state.pictures) > 3:
+                state.pictures.pop(next(iter(state.pictures)))
+            once = "pixel" if state.scene.bodies else "sample"  # an empty scene has nothing to merge
+            state.pictures[key] = state.renderer.render(state.scene, camera, samples=samples, shading=once)
+        return state.pictures[key]
 
     def _exposed(self, image: Image) -> Image:
         if self.mode == "radiance":
@@ -179,7 +201,10 @@ class CameraView:
         if measure:
             self._measure(image)
         display.upload(image.pixels if image.pixels.shape[2] in (1, 3) else image.pixels[..., :3])
-        display.draw(Look.PLAIN if image.quantity is Quantity.DN else Look.FALSE_COLOR, self.gain)
+        plain = Look.SRGB if self.bright else Look.PLAIN
+        stretch = self.stretch if self.bright else 1.0
+        dn = image.quantity is Quantity.DN
+        display.draw(plain if dn else Look.FALSE_COLOR, self.gain * stretch if dn else self.gain)
 
     def _measure(self, image: Image) -> None:
         """Histogram and gain of what is shown."""
@@ -188,6 +213,8 @@ class CameraView:
         else:
             top = float(np.percentile(image.pixels.max(axis=-1), 99.8)) or 1.0
         self.gain = 1 / top
+        high = float(np.percentile(image.pixels[::4, ::4], 99.5))
+        self.stretch = top / high if high > 0 else 1.0
         step = max(1, image.pixels.size // 600_000)
         sample = image.pixels.reshape(-1, image.pixels.shape[2])[::step]
         counts = [np.histogram(sample[:, c], BINS, (0, top * (1 + 1e-6)))[0] for c in range(sample.shape[1])]
@@ -206,7 +233,7 @@ class CameraView:
             return
         if job.error and not job.running:
             self.problem = job.error
-        key = (id(job), job.version, self.mode, self.noise, self.gain)
+        key = (id(job), job.version, self.mode, self.noise, self.bright, self.gain, self.stretch)
         if job.image is None or key == self.offline_drawn or self.state.context is None:
             return
         self.offline_drawn = key
@@ -241,6 +268,7 @@ class CameraView:
         draw.add_image(live.texture, low, high)
         if offline is not None and offline.ready:
             self._slider(draw, offline, low, high)
+        self.hidden.draw(draw, low, high)
         draw.add_rect(low, high, theme.color32((0, 0, 0, 1)))
         self._status(draw, low, camera)
         self._curve(x, w)
@@ -283,6 +311,9 @@ class CameraView:
         imgui.dummy(imgui.ImVec2(width, height))
         image = self.shown
         if image is None:
+            return
+        if self.hidden.text:
+            imgui.text_disabled(self.hidden.text)
             return
         if image.quantity is Quantity.DN:
             most = 2 ** (image.camera.sensor.bits_out if image.camera else 8) - 1

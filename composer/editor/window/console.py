@@ -3,7 +3,7 @@
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from composer.editor.commands import parse
+from composer.editor.command_text import parse
 from composer.editor.window.places import mark
 from composer.editor.window.state import State
 

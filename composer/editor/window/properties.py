@@ -204,8 +204,8 @@ class Properties:
                 return int(number) if changed else None
             case Widget.COLOR if np.max(np.abs(shown)) <= 1.0 and f.low >= 0:
                 flags = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_alpha
-                changed, new = imgui.color_edit3(label, [float(x) for x in shown], flags)
-                return tuple(float(np.clip(x, f.low, f.high)) for x in list(new)[:3]) if changed else None
+                changed, color = imgui.color_edit3(label, [float(x) for x in shown], flags)
+                return tuple(float(np.clip(x, f.low, f.high)) for x in list(color)[:3]) if changed else None
             case Widget.COLOR | Widget.VECTOR:
                 values = [float(x) for x in np.ravel(shown)]
                 speed = max(max(map(abs, values)) * 0.01, 1e-3)

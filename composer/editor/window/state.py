@@ -12,6 +12,7 @@ from composer.editor.offline_job import OfflineJob
 from composer.editor.orbit import Orbit
 from composer.editor.preview import moved
 from composer.editor.workspace import Workspace
+from interchange.image import Image
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
@@ -56,6 +57,9 @@ class State:
     rename_to: str = ""
     changed_at: float = 0.0
     quit: bool = False
+    pictures: dict[Any, Image] = field(
+        default_factory=dict
+    )  # radiance that camera views share, by what it shows
     _moved: tuple[Any, Scene] | None = None
     _seen: Any = None
 

@@ -23,9 +23,10 @@ def toggle(label: str, on: bool, tip: str, name: str = "") -> bool:
     """A button that stays down; whether it was pressed."""
     if on:
         imgui.push_style_color(imgui.Col_.button.value, imgui.ImVec4(*theme.ACCENT[:3], 0.85))
+        imgui.push_style_color(imgui.Col_.button_hovered.value, imgui.ImVec4(*theme.ACCENT[:3], 1.0))
     pressed = imgui.button(label)
     if on:
-        imgui.pop_style_color()
+        imgui.pop_style_color(2)
     if name:
         mark(name)
     if imgui.is_item_hovered():

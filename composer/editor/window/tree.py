@@ -89,7 +89,8 @@ class Tree:
         imgui.pop_id()
 
     def _eye(self, node: Node) -> None:
-        imgui.same_line(imgui.get_window_width() - 26)
+        bar = imgui.get_style().scrollbar_size if imgui.get_scroll_max_y() > 0 else 0.0
+        imgui.same_line(imgui.get_window_width() - 26 - bar)
         icon = icons.ICON_FA_EYE if node.visible else icons.ICON_FA_EYE_SLASH
         imgui.push_style_color(imgui.Col_.button.value, imgui.ImVec4(0, 0, 0, 0))
         tint = theme.MUTED if node.visible else theme.WARN

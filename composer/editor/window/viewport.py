@@ -163,7 +163,7 @@ class Viewport:
         """Segments of every lamp and camera, by path."""
         state = self.state
         size = state.orbit.distance * 0.08
-        found = {light.name: glyphs.lamp(light, size) for light in state.scene.lights}
+        found = {x.name: glyphs.lamp(x, size, self._chosen(x.name)) for x in state.scene.lights}
         for camera in state.scene.cameras:
             chosen = self._chosen(camera.name) and state.show_field
             far = self._reach(camera) if chosen else size

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from composer.editor.autosave import Autosave, orphans
+from composer.editor.command_text import COMMANDS, as_text, parse
 from composer.editor.commands import (
-    COMMANDS,
     AddCamera,
     AddLamp,
     AddMaterial,
@@ -27,8 +27,6 @@ from composer.editor.commands import (
     SetParameter,
     Show,
     Transform,
-    as_text,
-    parse,
 )
 from composer.editor.poses import split, turned
 from composer.editor.workspace import Workspace
