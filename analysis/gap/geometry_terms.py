@@ -13,6 +13,7 @@ from analysis.gap.state import State
 from analysis.gap.terms import Flow, Term, moving
 from interchange.camera import Projection
 from interchange.captures import Tolerances
+from interchange.effects.parts import bounds
 
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
@@ -32,6 +33,7 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
 
             terms.append(moving("principal_point", name, parameter, "px", tolerances.registration_px, flow))
     terms += _lens(conditions[0], tolerances.registration_px)
+    terms += _read_out(conditions, tolerances.registration_px)
     return terms + _objects(conditions, tolerances)
 
 
@@ -106,6 +108,39 @@ def _lens(condition: Condition, px: float) -> list[Term]:
     ]
 
 
+def _read_out(conditions: Sequence[Condition], px: float) -> list[Term]:
+    """px that a row is off from the one above, the same at every exposure time, other than motion blur. Where the scene
+    gives a line time the chain's own terms say it as a velocity."""
+    if any(c.camera.sensor.line_time for c in conditions):
+        return []
+    terms = []
+    for axis, parameter in enumerate(("u", "v")):
+
+        def flow(s: State, axis: int = axis) -> tuple[np.ndarray, np.ndarray]:
+            late, nothing = s.grid[1].astype(np.float64), np.zeros(s.grid[1].shape)
+            return (late, nothing) if axis == 0 else (nothing, late)
+
+        spike = px / conditions[0].camera.sensor.resolution[1]
+        terms.append(moving("rolling_shutter", "", parameter, "px/row", spike, flow))
+    return terms
+
+
+def _spin(name: str) -> Flow:
+    """About the vertical through the middle of the object's box."""
+
+    def flow(s: State) -> tuple[np.ndarray, np.ndarray] | None:
+        names = s.shown.scene.object_names
+        if name not in names:
+            return None
+        arm = s.position - bounds(s.shown.scene, name).mean(axis=0)
+        delta = 1e-3 * np.stack([-arm[..., 1], arm[..., 0], np.zeros(arm.shape[:2])], axis=-1)
+        du, dv = _projected(s, delta @ s.camera.camera_from_world[:3, :3].T)
+        mask = s.take(s.shown.passes["object_id"]) == names.index(name)
+        return du * mask, dv * mask
+
+    return flow
+
+
 def _objects(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     counts: dict[str, int] = {}
     for condition in conditions:
@@ -127,4 +162,8 @@ def _objects(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Te
                 return du * mask, dv * mask
 
             terms.append(moving("object_pose", name, "xyz"[axis], "mm", tolerances.object_pose_mm, flow))
+        box = next(bounds(c.shown.scene, name) for c in conditions if name in c.shown.scene.object_names)
+        reach = 1e3 * float(np.hypot(*np.ptp(box, axis=0)[:2])) / 2
+        spin = moving("object_pose", name, "rz", "mrad", 1e3 * tolerances.object_pose_mm / reach, _spin(name))
+        terms.append(spin)
     return terms

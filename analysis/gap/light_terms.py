@@ -2,6 +2,7 @@
 
 ∂S/∂p = S_l (n / (n · d) - 3 d / r²),  d = p - x     position of a small lamp
 ∂S/∂m = Σ S_l ln cos θ                               beam cos^m θ about the lamp's axis
+∂S/∂r = S_l of red less that of green                 a lamp's colour, the sum of its channels kept
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
+from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
 FAR = (LightKind.DISTANT, LightKind.DOME)
@@ -20,6 +22,7 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     t = tolerances
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights}
+    channels = max(c.mean.shape[2] for c in conditions)
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
     terms += [
@@ -43,7 +46,12 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
         for n in near
         for axis in range(2)
     ]
-    channels = max(c.mean.shape[2] for c in conditions)
+    if channels == 3:
+        terms += [
+            Term("light_spectrum", n, word, "1", t.light_intensity, _color(n, k))
+            for n in lights
+            for k, word in ((0, "red"), (2, "blue"))
+        ]
     terms += [
         Term(
             "ambient_light",
@@ -76,6 +84,22 @@ def _lamp(name: str) -> Field:
     return lambda s: s.lamps.get(name)
 
 
+def _color(name: str, k: int) -> Field:
+    """More of channel ``k`` and less of green, over the mean of the lamp's channels."""
+
+    def field(s: State) -> np.ndarray | None:
+        if name not in s.lamps:
+            return None
+        own = np.asarray(_light(s, name).intensity)
+        share = np.divide(own.mean(), own, out=np.zeros(3), where=own > 0).astype(np.float32)
+        out = np.zeros_like(s.lamps[name])
+        out[..., k] = s.lamps[name][..., k] * share[k]
+        out[..., 1] = -s.lamps[name][..., 1] * share[1]
+        return out
+
+    return field
+
+
 def _light(state: State, name: str) -> Light:
     return next(x for x in state.shown.scene.lights if x.name == name)
 
@@ -100,20 +124,7 @@ def _position(name: str, axis: int) -> Field:
 
 
 def _axes(state: State, name: str) -> np.ndarray:
-    """(3, 3): the lamp's axes in the world; z against its beam, which points to the scene's middle where a lamp
-    shines everywhere alike."""
-    light = _light(state, name)
-    if (
-        light.kind in (LightKind.DISK, LightKind.RECT)
-        or light.cone_angle < np.pi
-        or light.profile is not None
-    ):
-        return light.world_from_light[:3, :3]
-    z = light.world_from_light[:3, 3] - state.shown.scene.bounds.mean(axis=0)
-    z = z / np.linalg.norm(z)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
+    return beam_axes(_light(state, name), state.shown.scene.bounds.mean(axis=0))
 
 
 def _beam(names: Sequence[str]) -> Field:

@@ -17,6 +17,7 @@ from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
 
 SIDE = 128  # px of the map
+WAVES = {"c10": (1, 0), "c01": (0, 1), "c20": (2, 0), "c02": (0, 2), "c11": (1, 1)}  # half waves along u, v
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,9 @@ class Texture(Effect):
 
     def factor(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Albedo over the scene's, at box coordinates."""
-        waves = {(1, 0): self.c10, (0, 1): self.c01, (2, 0): self.c20, (0, 2): self.c02, (1, 1): self.c11}
         total = np.ones(np.broadcast(u, v).shape)
-        for (i, j), c in waves.items():
-            total = total + c * np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
+        for name, (i, j) in WAVES.items():
+            total = total + getattr(self, name) * np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
         return np.maximum(total, 0)
 
     def on_scene(self, scene: Scene, target: str = "") -> Scene:

@@ -5,12 +5,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition, conditions
+from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, SPOTS, Knots
+from analysis.gap.light_terms import light_terms
+from analysis.gap.material_terms import material_terms
 from analysis.gap.radiance import render_all
 from analysis.gap.state import State
 from analysis.gap.terms import Term
@@ -21,7 +25,11 @@ from interchange.effects.base import Effect
 from interchange.effects.geometry import Geometry
 from interchange.effects.gloss import Gloss
 from interchange.effects.light_size import LightSize
+from interchange.effects.light_spectrum import LightSpectrum
+from interchange.effects.parts import bounds
 from interchange.effects.shadow import Shadow
+from interchange.effects.texture import Texture
+from interchange.effects.translucency import Translucency
 from interchange.formats import captures as captures_file
 from interchange.formats import images
 from interchange.formats.document import open_scene
@@ -146,3 +154,70 @@ def test_what_was_rendered_is_read_from_disk(
         a, b = term.field(State(found[0])), terms[term.key].field(State(found[0]))
         assert (a is None and b is None) or np.array_equal(a, b)
     assert again.rendered == 0
+
+
+def test_a_lamps_colour_is_linear(found: list[Condition]) -> None:
+    terms = {t.key: t for t in light_terms(found, Tolerances())}
+    changed = LightSpectrum(red=0.2, blue=-0.1).on_scene(found[1].scene, LED)
+    real = State(replace(found[1], scene=changed)).signal - State(found[1]).signal
+    red, blue = (terms["light_spectrum", LED, word].field(State(found[1])) for word in ("red", "blue"))
+    assert 0.2 * red - 0.1 * blue == pytest.approx(real, abs=1e-3)
+    assert np.abs(real).max() > 10
+
+
+def test_texture_predicts_a_new_rendering(found: list[Condition], rasterizer: Rasterizer) -> None:
+    """Within 3 % of the change's rms, which is at the edges of the base: pixels that other objects share."""
+    base = "/World/Materials/base"
+    terms = {t.key: t for t in material_terms(found, Tolerances())}
+    real = _real(found[1], rasterizer, Texture(c10=0.1, c02=-0.05), base, SPOTS)
+    state = State(found[1])
+    said = 0.1 * terms["texture", base, "c10"].field(state) - 0.05 * terms["texture", base, "c02"].field(
+        state
+    )
+    ids = found[1].shown.passes["material_id"]
+    inside = (
+        cv2.erode((ids == found[1].shown.scene.material_names.index(base)).astype(np.uint8), np.ones((3, 3)))
+        > 0
+    )
+    assert np.sqrt(np.mean((said - real)[inside] ** 2)) < 0.03 * np.sqrt(np.mean(real[inside] ** 2))
+    assert inside.sum() > 3000
+
+
+def test_translucency_is_its_effects_change(found: list[Condition]) -> None:
+    """At the step of 1.5 px, exactly; at 1 px within 20 % in amount."""
+    state, white = State(found[1]), "/World/Materials/white"
+    term = next(t for t in material_terms(found, Tolerances()) if t.candidate == ("translucency", white))
+    shown = state.shown
+    image = Image(
+        state.radiance, camera=state.camera, passes=shown.passes, material_names=shown.scene.material_names
+    )
+    white_at = shown.passes["material_id"] == shown.scene.material_names.index(white)
+    mm = 1 / Translucency(1.0).sigma_px(shown.passes["depth"][white_at], state.camera)
+    for px, miss in ((1.5, 0.05), (1.0, 0.2)):
+        change = Translucency(px * mm).on_radiance(image, "white").pixels - state.radiance
+        real, said = state.per_radiance * change, px * mm * term.field(state)
+        assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=miss)
+
+
+def test_an_object_turns_pixels_as_projection_does(found: list[Condition]) -> None:
+    state = State(found[1])
+    term = next(t for t in geometry_terms(found, Tolerances()) if t.key == ("object_pose", BRACKET, "rz"))
+    du, dv = term.flow(state)
+    middle = bounds(state.shown.scene, BRACKET).mean(axis=0)
+    c, s = np.cos(1e-4), np.sin(1e-4)
+    turned = (state.position - middle) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]]) + middle
+    exact = (state.camera.project(turned) - state.camera.project(state.position)) / 0.1
+    own = state.shown.passes["object_id"] == state.shown.scene.object_names.index(BRACKET)
+    assert np.stack([du, dv], -1)[own] == pytest.approx(exact[own], rel=1e-2, abs=1e-4)
+    assert not du[~own].any()
+
+
+def test_rows_that_are_late_lean(found: list[Condition]) -> None:
+    lean = next(t for t in geometry_terms(found, Tolerances()) if t.key == ("rolling_shutter", "", "u"))
+    du, dv = lean.flow(State(found[1]))
+    assert du[:, 5] == pytest.approx(np.arange(HEIGHT))
+    assert not dv.any()
+    late = [
+        replace(c, camera=replace(c.camera, sensor=replace(c.camera.sensor, line_time=1e-5))) for c in found
+    ]
+    assert not [t for t in geometry_terms(late, Tolerances()) if t.cause == "rolling_shutter"]

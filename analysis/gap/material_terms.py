@@ -1,0 +1,93 @@
+"""Terms of a material's surface: texture, and light that bleeds beneath it.
+
+∂S/∂c_ij = S cos(π i u) cos(π j v)       u, v: along the two longest sides of the object's box
+(G_σ * S - S) / σ                        inside one body, at a σ of some px: across a sharp shadow's edge a blur's
+                                         change grows more with σ than with σ²
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.state import State
+from analysis.gap.terms import Field, Term
+from interchange.captures import Tolerances
+from interchange.effects.texture import WAVES, box_uv
+from interchange.effects.translucency import Translucency, spread
+from interchange.frames import apply
+
+LEAST_PIXELS = 400  # that a material must cover, of an image of 480 x 360
+BLUR_PX = 1.5  # of the step that translucency is told by
+
+
+def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """Of materials that cover enough of some image and have a body colour."""
+    covered: dict[str, float] = {}
+    for c in conditions:
+        ids, names = c.shown.passes["material_id"], c.shown.scene.material_names
+        for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
+            covered[names[k]] = max(covered.get(names[k], 0.0), n * 480 * 360 / ids.size)
+    materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
+    chosen = [n for n, k in covered.items() if k >= LEAST_PIXELS and materials[n].brdf.matte]
+    spike = tolerances.albedo / np.sqrt(len(WAVES))
+    terms = [
+        Term("texture", name, word, "1", spike, _wave(name, i, j))
+        for name in chosen
+        for word, (i, j) in WAVES.items()
+    ]
+    for name in chosen:
+        step = _blur_mm(conditions, name)
+        terms.append(
+            Term("translucency", name, "sigma", "mm", tolerances.flat_field / 2, _bleeding(name, step),
+                 relative=True, low=0.0)
+        )  # fmt: skip
+    return terms
+
+
+def _wave(name: str, i: int, j: int) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        scene = s.shown.scene
+        if name not in scene.material_names or not s.lamps:
+            return None
+        mask = s.take(s.shown.passes["material_id"]) == scene.material_names.index(name)
+        objects = s.take(s.shown.passes["object_id"])
+        out = np.zeros_like(s.signal)
+        for body in scene.bodies:
+            if body.material.name == name:
+                own = mask & (objects == scene.object_names.index(body.name))
+                at = apply(np.linalg.inv(body.world_from_body), s.position[own])
+                u, v = np.moveaxis(box_uv(body.mesh, at), -1, 0)
+                wave = np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
+                out[own] = s.signal[own] * wave[:, None].astype(np.float32)
+        return out
+
+    return field
+
+
+def _blur_mm(conditions: Sequence[Condition], name: str) -> float:
+    """mm on the surface that ``BLUR_PX`` are where the material is seen first."""
+    for c in conditions:
+        names = c.shown.scene.material_names
+        if name in names:
+            own = c.shown.passes["material_id"] == names.index(name)
+            if own.any():
+                return BLUR_PX / Translucency(1.0).sigma_px(c.shown.passes["depth"][own], c.camera)
+    return 1.0
+
+
+def _bleeding(name: str, step: float) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        names = s.shown.scene.material_names
+        if name not in names or not s.lamps:
+            return None
+        L, passes = s.radiance, s.shown.passes
+        mask = passes["material_id"] == names.index(name)
+        change = np.zeros_like(L)
+        for body in np.unique(passes["object_id"][mask]):
+            own = mask & (passes["object_id"] == body)
+            px = Translucency(step).sigma_px(passes["depth"][own], s.camera)
+            change[own] = spread(L, own, px)[own] - L[own]
+        return np.asarray(s.per_radiance * s.channels(s.take(change)) / np.float32(step), np.float32)
+
+    return field
