@@ -63,7 +63,9 @@ class Jpeg(Effect):
 
     def encoded(self, image: Image) -> bytes:
         """The file: DN of 8 bits, grey or RGB."""
-        y = np.clip(np.rint(image.pixels), 0, 255).astype(np.uint8)
+        y = image.pixels
+        if y.dtype != np.uint8:
+            y = np.clip(np.rint(y), 0, 255).astype(np.uint8)
         y = cv2.cvtColor(y, cv2.COLOR_RGB2BGR) if y.shape[2] == 3 else y
         factor = (
             cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420 if self.subsampling else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
