@@ -90,9 +90,7 @@ class LightingStage:
     def begin_merged(self, merged: GBuffer, once: Pass, buffer: GBuffer, drawn: Pass) -> None:
         """Take up a pass of which pixels of one smooth surface are lit once: those of ``merged``, sorted by its
         depth. The others are lit at each sample of ``buffer``; samples are whole pixels from here on."""
-        self._layers = [Layer(merged, once), Layer(buffer, drawn, ALIKE)]
-        if len(self.table.groups) > 1:
-            self._layers.append(Layer(buffer, drawn, AMONG))
+        self._layers = [Layer(merged, once), Layer(buffer, drawn, ALIKE), Layer(buffer, drawn, AMONG)]
         self.tiles.find(merged.depth)
         self._tiled = True
         self._samples = self._fitting(merged.size, merged.depth, sorts=True)
