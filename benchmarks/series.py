@@ -120,12 +120,14 @@ def materials(keep: Path, size: int, seeds: int) -> list[str]:
             inside = minimum_filter(truth, 3) == maximum_filter(truth, 3)
             lobes = lafortune_features(series)
             raw = np.moveaxis(series.grey, 0, -1)
+            lobe_alone = lobes.additive - lobes.additive[..., :1] * [0, 1, 0]
             for name, x, standardise in (
                 ("144 values as they are (the chapter's)", raw, False),
                 ("144 values, standardised", raw, True),
                 ("C_z, k_d, n as they are", lobes.features, False),
                 ("C_z, k_d, n, standardised (the chapter's)", lobes.features, True),
-                ("k_d, height, albedo of the lobe, standardised", lobes.additive, True),
+                ("k_d, albedo, height, standardised", lobes.additive, True),
+                ("k_d, albedo of the lobe alone, height, standardised", lobe_alone, True),
             ):
                 labels = k_means(x, 4, seed, standardise).labels
                 ari = adjusted_rand(labels, truth), adjusted_rand(labels[inside], truth[inside])

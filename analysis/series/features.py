@@ -14,7 +14,7 @@ def features(series: Series, kind: str) -> tuple[np.ndarray, list[str]]:
     """(H, W, F) and their names. BrightfieldError for a kind that there is not."""
     match kind:
         case "lafortune":
-            return lafortune_features(series).additive, ["k_d", "lobe height 1/sr", "lobe albedo"]
+            return lafortune_features(series).additive, ["k_d", "albedo", "lobe height 1/sr"]
         case "lafortune-raw":
             return lafortune_features(series).features, ["C_z", "k_d", "n"]
         case "azimuth":

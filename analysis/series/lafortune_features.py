@@ -36,14 +36,15 @@ class LafortuneFeatures:
 
     @property
     def additive(self) -> np.ndarray:
-        """(H, W, 3): k_d, the lobe's height C_z^n, and its albedo seen and lit head-on, 2π C_z^n / (n + 2).
+        """(H, W, 3): k_d; the albedo of matte part and lobe, seen head-on, k_d + 2π C_z^n / (n + 2); the lobe's
+        height C_z^n, 1/sr.
 
         The same three numbers, told so that a pixel on the edge of two materials lies between them, and that a lobe
         that is hardly there does not count by its width.
         """
         with np.errstate(over="ignore"):
             height = np.minimum(np.exp(self.n * np.log(np.maximum(self.c_z, 1e-30))), 1e3)
-        return np.stack([self.k_d, height, 2 * np.pi * height / (self.n + 2)], axis=-1)
+        return np.stack([self.k_d, self.k_d + 2 * np.pi * height / (self.n + 2), height], axis=-1)
 
 
 def lafortune_features(

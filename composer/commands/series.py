@@ -199,7 +199,7 @@ def _cluster_options(p: argparse.ArgumentParser) -> None:
         "--features",
         choices=("lafortune", "lafortune-raw", "raw", "azimuth", "harmonics", "rotation"),
         default="lafortune",
-        help="lafortune: k_d, height and albedo of the lobe; lafortune-raw: C_z, k_d, n; raw: the images themselves",
+        help="lafortune: k_d, albedo and height of the lobe; lafortune-raw: C_z, k_d, n; raw: the images themselves",
     )
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--truth", type=Path, metavar="PNG", help="labels: adjusted Rand index")
