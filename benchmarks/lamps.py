@@ -1,12 +1,17 @@
-"""How true lamps are: python benchmarks/lamps.py prints the figures of docs/lamps.md."""
+"""How true lamps are: prints the figures of docs/lamps.md; or draws its picture: --picture docs/lamps.png."""
+
+import argparse
+from pathlib import Path
 
 import numpy as np
 
+from interchange.brdf.cook_torrance import CookTorrance
 from interchange.brdf.lambert import Lambert
 from interchange.camera import Camera, Lens, Projection, Sensor
 from interchange.colorimetry import chromaticity, luminous_efficacy
 from interchange.distortion import LensModel
 from interchange.formats import gprims
+from interchange.formats.images import encode_srgb, write_png
 from interchange.frames import look_at
 from interchange.illuminants import STEFAN_BOLTZMANN, black_body, illuminant, led
 from interchange.lamps import composite
@@ -131,8 +136,48 @@ def devices(live, true) -> None:
         print(f"  {name}: mean {a.mean() / b.mean() - 1:+.2%}, mean difference {apart:.2%}{power}")
 
 
+def picture(live, true) -> np.ndarray:
+    """(2 · 96, 8 · 128) uint8: a glossy ball and a matt box under eight lamps; both renderers, each lamp by its own
+    brightest hundredth."""
+    pose = look_at(np.array([0, -0.06, 0.12]), np.array([0, 0, 0.003]))
+    view = Camera("/v", pose, Lens(16e-3), Sensor((128, 96), (40e-6, 40e-6)))
+    bodies = (
+        Body("/floor", gprims.plane(0.3, 0.3), MATTE),
+        Body(
+            "/ball",
+            gprims.revolve([gprims.arc(0.008, 0.0, -np.pi / 2, np.pi / 2)]),
+            Material("gloss", CookTorrance(diffuse=0.1, s=0.5, m=0.15)),
+            at(-0.012, 0.0, 0.008),
+        ),
+        Body("/box", gprims.box(0.01), Material("white", Lambert(0.8)), at(0.012, -0.004, 0.005)),
+    )
+    device, to_side = ReflectorDevice(), look_at(np.array([0.06, -0.04, 0.1]), np.zeros(3))
+    panel = Camera("/p", to_side, Lens(16e-3), Sensor((64, 48), (1.2e-4, 1.2e-4)))
+    above_all = Camera("/c", look_at(np.array([0, -0.045, 0.09]), np.zeros(3)), Lens(16e-3))
+    lamps = (
+        device.lights(0.7, np.radians(20)),
+        device.lights(2.4, np.radians(40)),
+        device.lights(4.0, np.radians(65)),
+        (projector(panel, stripes((64, 48), 12), power=0.05),),
+        composite.ring(0.5, 0.03, 24, 0.3, world_from_lamp=at(0, 0, 0.08)),
+        composite.dark_field_ring(0.5, 0.05, count=24, world_from_lamp=at(0, 0, 0.0134)),
+        composite.dome(0.5, 0.08, 0.03),
+        composite.coaxial(1.0, above_all, 0.03, 0.03, 0.05),
+    )
+    columns = []
+    for lights in lamps:
+        a, b = (render(Scene(bodies, lights), view)[..., 1] for render in (live, true))
+        shown = encode_srgb(np.clip(np.vstack([a, b]) / np.quantile(b, 0.99), 0, 1))
+        columns.append(np.rint(255 * shown).astype(np.uint8))
+    return np.hstack(columns)
+
+
 def main() -> None:
-    spectra()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--picture", type=Path)
+    args = parser.parse_args()
+    if args.picture is None:
+        spectra()
     with Rasterizer() as rasterizer, Cycles() as cycles:
 
         def live(scene: Scene, camera: Camera) -> np.ndarray:
@@ -141,6 +186,9 @@ def main() -> None:
         def true(scene: Scene, camera: Camera) -> np.ndarray:
             return cycles.render(scene, camera, DIRECT).pixels
 
+        if args.picture is not None:
+            write_png(args.picture, picture(live, true)[..., None])
+            return
         for name, render in (("rasteriser", live), ("path tracer", true)):
             print(f"{name}: projected edges")
             projected(render)
