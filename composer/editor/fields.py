@@ -102,15 +102,15 @@ def _of_brdf(brdf: Any, prefix: str, group: str, textured: set[str]) -> Iterator
         for k, part in enumerate(parts):
             yield from _of_brdf(part, f"{prefix}part{k}.", f"{k + 1}: {type(part).__name__}", textured)
         return
-    for name, about in parameters(brdf).items():
-        value = getattr(brdf, name)
-        if name in textured:
-            continue
-        if about.per_lobe:
-            for k in range(len(value)):
+    own = {n: p for n, p in parameters(brdf).items() if n not in textured}
+    for name, about in own.items():
+        if not about.per_lobe:
+            yield _field(group, prefix + name, about, getattr(brdf, name), brdf.source)
+    for k in range(brdf.lobes):
+        for name, about in own.items():
+            if about.per_lobe:
+                value = getattr(brdf, name)
                 yield _field(f"{group} · lobe {k + 1}", prefix + name, about, value, brdf.source, k)
-        else:
-            yield _field(group, prefix + name, about, value, brdf.source)
     for name, rule in settings(brdf).items():
         meaning = f"{rule.meaning} (decided with the model)"
         yield Field(

@@ -44,7 +44,7 @@ def screen(width: int, height: int) -> Iterator[str]:
 
 
 class Robot:
-    def __init__(self, app: App, patience: float = 60.0) -> None:
+    def __init__(self, app: App, patience: float = 120.0) -> None:
         self.app, self.patience = app, patience
 
     def wait(self, what: str, holds: Callable[[], bool]) -> None:
@@ -87,7 +87,7 @@ class Robot:
 
     def move(self, x: float, y: float) -> None:
         self.tool("mousemove", round(x), round(y))
-        self.frames(2)
+        self.frames(1)
 
     def click(self, name: str, button: int = 1) -> None:
         self.move(*self.middle(name))
@@ -95,12 +95,17 @@ class Robot:
 
     def press(self, button: int = 1) -> None:
         self.tool("mousedown", button)
-        self.frames(2)
+        self.frames(1)
         self.tool("mouseup", button)
+        self.frames(2)
+
+    def scroll(self, steps: int) -> None:
+        """The wheel, up where ``steps`` is above 0."""
+        self.tool("click", "--repeat", abs(steps), "--delay", 5, 4 if steps > 0 else 5)
         self.frames(3)
 
     def drag(
-        self, start: tuple[float, float], end: tuple[float, float], steps: int = 6, button: int = 1
+        self, start: tuple[float, float], end: tuple[float, float], steps: int = 4, button: int = 1
     ) -> None:
         self.move(*start)
         self.tool("mousedown", button)
@@ -114,11 +119,11 @@ class Robot:
     def key(self, chord: str) -> None:
         """In xdotool's words: ctrl+s, Return, F2."""
         self.tool("key", chord)
-        self.frames(3)
+        self.frames(2)
 
     def type(self, text: str) -> None:
-        self.tool("type", "--delay", 15, text)
-        self.frames(3)
+        self.tool("type", "--delay", 5, text)
+        self.frames(2)
 
     def menu(self, title: str, item: str) -> None:
         self.click(f"menu {title}")

@@ -131,19 +131,16 @@ def pictures(robot: Robot, assets: Path, out: Path) -> None:
     robot.key("ctrl+a")
     robot.key("BackSpace")
     robot.move(*robot.middle("tree /World/Part"))
-    for _ in range(12):
-        robot.press(5)  # the wheel, down
+    robot.scroll(-12)
     robot.click("tree /World/Oblique")
     robot.move((x0 + x1) / 2, (y0 + y1) / 2)
     robot.key("Home")
-    for _ in range(3):
-        robot.press(4)  # the wheel, nearer
+    robot.scroll(3)
     rest(robot)
     robot.picture(out / "editor.png")
 
     robot.move(*robot.middle("tree /World/Oblique"))
-    for _ in range(12):
-        robot.press(4)
+    robot.scroll(12)
     robot.click("tree /World/Part")
     robot.move((x0 + x1) / 2, (y0 + y1) / 2)
     robot.key("f")
@@ -155,9 +152,9 @@ def pictures(robot: Robot, assets: Path, out: Path) -> None:
     robot.key("Escape")
 
     robot.click("lamps")
+    app.views[0].samples = 16
     robot.click("offline 0")
     robot.wait("Path tracing", lambda: app.state.job is not None)
-    robot.patience = 600
     robot.wait("The path-traced image", lambda: app.state.job is not None and not app.state.job.running)
     assert app.state.job is not None
     assert not app.state.job.error, app.state.job.error
@@ -187,6 +184,7 @@ def drive(assets: Path, out: Path, with_pictures: bool) -> int:
         try:
             robot.wait("The window", lambda: app.frames > 5)
             if with_pictures:
+                robot.patience = 600.0
                 pictures(robot, assets.resolve(), out.resolve())
             else:
                 steps(robot, (assets / PART).resolve(), out.resolve())

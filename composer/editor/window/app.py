@@ -53,7 +53,10 @@ class App:
         """Until the window is closed. BrightfieldError where none can be opened."""
         try:
             immapp.run(self._params(size), immapp.AddOnsParams())
-        except RuntimeError as error:
+        except Exception as error:
+            self.state.workspace.keep()  # what went wrong here must not cost anyone's work
+            if self.frames or not isinstance(error, RuntimeError):
+                raise
             raise BrightfieldError(
                 f"No window could be opened: {error}. Without a screen: brightfield edit FILE --headless --do '…'"
             ) from None
@@ -183,8 +186,10 @@ class App:
         self.state.quit = True
 
     def _end(self) -> None:
-        if self.state.workspace.autosave is not None:
-            self.state.workspace.autosave.drop()
+        """An end that was asked for; after any other the autosave stays."""
+        workspace = self.state.workspace
+        if workspace.autosave is not None and (self.state.quit or not workspace.unsaved):
+            workspace.autosave.drop()
 
     # menus and status
 

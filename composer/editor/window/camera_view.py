@@ -183,8 +183,7 @@ class CameraView:
         if key not in state.pictures:
             while len(state.pictures) > 3:
                 state.pictures.pop(next(iter(state.pictures)))
-            once = "pixel" if state.scene.bodies else "sample"  # an empty scene has nothing to merge
-            state.pictures[key] = state.renderer.render(state.scene, camera, samples=samples, shading=once)
+            state.pictures[key] = state.renderer.render(state.scene, camera, samples=samples)
         return state.pictures[key]
 
     def _exposed(self, image: Image) -> Image:

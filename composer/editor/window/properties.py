@@ -4,7 +4,6 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from composer.editor.commands import AssignMaterial, Place, SetBrdf, SetParameter
@@ -149,12 +148,8 @@ class Properties:
             self._model(path, thing)
         for group, members in groupby(fields_of(thing), key=lambda f: f.group):
             rows = list(members)
-            used = any(
-                np.any(np.asarray(f.value, dtype=object) != 0) for f in rows if f.widget is Widget.NUMBER
-            )
-            first = group in OPEN or (hasattr(thing, "brdf") and group != "Beside the BRDF")
-            mark_used = f"{group}  {icons.ICON_FA_CIRCLE}" if used and not first and len(group) > 8 else group
-            if not _header(f"{mark_used}###{group}", first) or not _begin_rows(group):
+            opened = group in OPEN or (hasattr(thing, "brdf") and group != "Beside the BRDF")
+            if not _header(group, opened) or not _begin_rows(group):
                 continue
             for f in rows:
                 self._field(path, f)

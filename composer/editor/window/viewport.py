@@ -93,8 +93,7 @@ class Viewport:
         before = state.context.detect_framebuffer()
         began = time.perf_counter()
         try:
-            once = "pixel" if scene.bodies else "sample"  # an empty scene has nothing to merge
-            image = state.renderer.render(scene, camera, samples=samples, shading=once)
+            image = state.renderer.render(scene, camera, samples=samples)
         except BrightfieldError as error:
             state.tell(str(error), error=True)
             self.drawn = key
