@@ -23,6 +23,7 @@ NAMED = (
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
+TYPICAL = 0.01  # rms of an effect over the signal, at which its sensitivity is taken
 
 
 def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
@@ -33,6 +34,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     terms = []
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]
+        found = []
         for parameter, about in parameters(model).items():
             if (name, parameter) in REDUNDANT:
                 continue
@@ -43,7 +45,10 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
             if change[0] is None or change[1] is None or change[0] < SEEN * signal:
                 continue
             power = 2 if change[1] > 3 * change[0] else 1
-            terms.append(
+            larger = step * (TYPICAL * signal / change[0]) ** (1 / power)
+            if larger > step and _changed(state, own, parameter, start + larger, base) is not None:
+                step = larger
+            found.append(
                 Term(
                     cause=name,
                     target="",
@@ -53,11 +58,14 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     field=_difference(model, parameter, power, start, step),
                     relative=name not in absolute,
                     power=power,
-                    low=0.0 if power == 2 or start <= about.low else -np.inf,
+                    low=0.0
+                    if power == 2 or start <= about.low or start <= model.physical.get(parameter, -np.inf)
+                    else -np.inf,
                     kind="chain",
                     start=start,
                 )
             )
+        terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
     return terms
 
 

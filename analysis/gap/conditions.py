@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -60,6 +61,11 @@ class Condition:
             return plane.mean(axis=2, keepdims=True) if one else np.repeat(plane, 3, axis=2)
 
         return Expected(fitting(e.dn), fitting(e.temporal), fitting(e.fixed), e.black, e.top)
+
+    @cached_property
+    def compared(self) -> np.ndarray:
+        """(H, W) bool: pixels that the scene file's own simulation lets compare."""
+        return self.usable(self.simulated())
 
     def usable(self, simulation: Expected) -> np.ndarray:
         """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""

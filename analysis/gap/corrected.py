@@ -25,12 +25,13 @@ STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z
 
 @dataclass(frozen=True)
 class Change:
-    """An effect on ``target`` (a prim path, or "" for all): its parameters, and what they are without it."""
+    """An effect on ``target`` (a prim path, or "" for all): its parameters, and what they are without it, or None where
+    the values stand for whatever the cameras have."""
 
     effect: str
     target: str
     values: dict[str, float]
-    without: dict[str, float]
+    without: dict[str, float] | None
 
 
 def write_corrected(
@@ -86,7 +87,12 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
 
 def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
     own = model.of(camera)
-    given = {n: getattr(own, n) + x - change.without[n] for n, x in change.values.items()}
+    start = change.without
+    given = {
+        n: x if start is None else getattr(own, n) + x - start[n]
+        for n, x in change.values.items()
+        if n in parameters(model)
+    }
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]
     if change.effect == "exposure":
         factor = float(getattr(effect, "scale"))  # noqa: B009

@@ -15,10 +15,13 @@ from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import STAGES, Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
 from analysis.gap.fit import Fit, Model, fit, uncertainty
+from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
-from analysis.gap.noise import NoiseFit, noise_fit
+from analysis.gap.noise import noise_findings
+from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for
+from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Render, render_all
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
@@ -29,8 +32,9 @@ from interchange.problems import BrightfieldError
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
 PRESENT = 0.5
-OVERLAP = 0.2  # least correlation of captures and simulation that a diagnosis can start from
 UNKNOWN, UNCERTAIN = "outside the catalogue", "less certain causes"
+
+WRITTEN = ("sensor_noise", "fixed_pattern", "jpeg")  # effects without a mean that a scene file can say
 
 Told = Callable[[str, float], None]
 Cause = tuple[str, str]
@@ -78,14 +82,15 @@ def diagnose(
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
-    found = conditions(captures, document)
+    found = with_files_bits(conditions(captures, document))
     rendered = render_all(
         [(c.scene, c.camera) for c in found], render, settings, cache, lambda k, n: told("rendering", k / n)
     )
     all_of_them = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
-    _must_overlap(all_of_them)
+    must_overlap(all_of_them)
+    knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
     with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
-        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told)
+        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots)
     told("verdict", 0.0)
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0
@@ -103,22 +108,29 @@ def diagnose(
     told("shares", 0.0)
     attribution = _attribution(fitted, held, by, shown, told)
     findings = _findings(fitted, attribution, shrunk)
-    noise = noise_fit(all_of_them)
-    if noise is not None and noise.probability >= PRESENT:
-        findings.append(_noise_finding(noise, shrunk.after))
+    told("noise", 0.0)
+    corrected = [fitted.after.simulated(c) for c in all_of_them]
+    judged = noise_findings(all_of_them, corrected)
+    noise = [n for n in judged if n.probability >= PRESENT and n.name not in attribution.players]
+    findings += [_noise_finding(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
     unknown = _unknown(fitted)
     told("where", 0.0)
-    where = _ledger(all_of_them, fitted)
+    where = _ledger(all_of_them, fitted, corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
-    changes = _changes(fitted, {f.name for f in findings})
+    changes = [
+        *_changes(fitted, {f.name for f in findings}),
+        *(_noise_change(n) for n in noise if n.name in WRITTEN),
+    ]
     left = write_corrected(document, captures, changes, scene_file)
+    left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = attribution.chi2.get(carried & frozenset(attribution.players), shrunk.before**2)
         check = verified(scene_file, held, fitted.before, by, claim**0.5, render, settings, cache, told)
-    notes = _notes(captures, all_of_them, where, fitted, left)
+    tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
+    notes = _notes(all_of_them, where, tried, left)
     if check is not None and check.sentence:
         notes.insert(0, check.sentence)
     diagnosis = Diagnosis(
@@ -135,25 +147,6 @@ def diagnose(
         verification=check,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
-
-
-def _must_overlap(found: Sequence[Condition]) -> None:
-    lit = [c for c in found if c.lamps]
-    if not lit:
-        return
-    correlations = []
-    for c in lit:
-        simulated = c.simulated()
-        ok = c.mask
-        a, b = c.mean.mean(axis=2)[ok], simulated.dn.mean(axis=2)[ok]
-        if a.std() > 0 and b.std() > 0:
-            correlations.append(float(np.corrcoef(a, b)[0, 1]))
-    if correlations and max(correlations) < OVERLAP:
-        raise BrightfieldError(
-            f"The captures must show what the scene shows; the best of them correlates with its simulation by "
-            f"{max(correlations):.2f}. Check the cameras' poses, or the order of the images. "
-            f"({found[0].captures[0].where.file})"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,9 +293,14 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
     return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
 
 
-def _noise_finding(noise: NoiseFit, chi: float) -> Finding:
-    value = Estimate(noise.read_noise, noise.read_noise_sigma, "e-")
-    return Finding("sensor_noise", noise.probability, {"read_noise": value}, (), None, chi, chi, 0.0)
+def _noise_finding(noise: NoiseFinding, chi: float) -> Finding:
+    values = {n: Estimate(x.value, x.sigma, x.unit) for n, x in noise.parameters.items()}
+    return Finding(noise.name, min(noise.probability, 0.999), values, (), None, chi, chi, 0.0)
+
+
+def _noise_change(noise: NoiseFinding) -> Change:
+    """Its numbers stand for those of the sensor's data sheet."""
+    return Change(noise.name, "", {n: x.value for n, x in noise.parameters.items()}, None)
 
 
 def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
@@ -322,8 +320,8 @@ def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
     return tuple(out)
 
 
-def _ledger(found: Sequence[Condition], fitted: Fit) -> Ledger:
-    before, after = ([m.simulated(c) for c in found] for m in (fitted.before, fitted.after))
+def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]) -> Ledger:
+    before = [fitted.before.simulated(c) for c in found]
     families = {
         "the image": ("fixed to the image, multiplicative", "fixed to the image, additive", "exposure"),
         "the surface": ("fixed to the surface", "albedo"),
@@ -351,16 +349,16 @@ def _ledger(found: Sequence[Condition], fitted: Fit) -> Ledger:
     return ledger(found, before, after, fixed)
 
 
-def _notes(
-    captures: Captures, found: Sequence[Condition], where: Ledger, fitted: Fit, left: dict[str, str]
-) -> list[str]:
+def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dict[str, str]) -> list[str]:
     notes = []
     if not where.measured:
         notes.append("No captures are repeats: the noise floor is the sensor model's, not measured.")
-    if any(c.captures[0].bits == 8 for c in found):
-        notes.append(
-            "8-bit images: rounding hides effects below half a DN, and a processed image may be curved."
-        )
+    notes += notes_on_files(found)
+    notes += [
+        f"The captures of {name} lie {px:.1f} px off their simulation as a whole, which is more than registration "
+        f"follows well: calibrate the camera anew, or take the figures as those of a wrong pose."
+        for name, px in shifts(found).items()
+    ]
     if len(found) < 6:
         notes.append(
             f"{len(found)} conditions are few: six or more, under two lamps and two poses, tell effects apart."
@@ -371,7 +369,7 @@ def _notes(
         )
     for name, reason in left.items():
         notes.append(f"The corrected scene does not carry {name.replace('_', ' ')}: {reason}")
-    tried = {t.cause for t in fitted.terms}
-    missing = sorted(CATALOGUED - tried - {"sensor_noise"})
-    notes.append(f"Not tried: {', '.join(missing)}.")
+    missing = sorted(n.replace("_", " ") for n in CATALOGUED - tried)
+    if missing:
+        notes.append(f"Not tried with these captures and this renderer: {', '.join(missing)}.")
     return notes

@@ -3,7 +3,7 @@
 A hypothesis M is a set of causes. Every term has a normal prior around zero: as wide as calibration leaves it
 (spike), or, where its cause is in M, as wide as effects are (slab). With P = diag(sd⁻²) and A = G + P
 
-    log Z_M = ½ b' A⁻¹ b - ½ log|A| + ½ log|P|
+    log Z_M = ½ Σ log w - ½ r' W r + ½ b' A⁻¹ b - ½ log|A| + ½ log|P|
 
 and p(M) ∝ prior(M) Z_M^(1/τ). A hypothesis whose term is below what it may be does not count.
 
@@ -16,27 +16,32 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
-TAU = 3.0
+TAU = 1.0
 NONE, SINGLE, PAIR, TRIPLE = 0.5, 0.35, 0.12, 0.03  # prior of a number of causes
 TOP = 12  # causes that are tried in pairs with all others
-ENOUGH = 3.0  # gain of log Z, over τ, that keeps a further cause
+MOST = 5  # causes of a hypothesis
+MOST_GENERIC = 2  # of them without a name
+ENOUGH = 3.0  # gain of log Z that keeps a further cause
+WIDEST = 40.0  # times its tolerance that a calibrated number may be off
+FORM = "form"  # terms of this cause are never wide: how an effect may differ from its formula
 
 Cause = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
+    """``slabs``: how wide each cause is, rms over the signal."""
+
     causes: tuple[Cause, ...]
+    slabs: tuple[float, ...]
     log_Z: float
     log_prior: float
-    theta: np.ndarray  # posterior mean of every term
-    slabs: tuple[float, ...] = ()
 
     @property
     def score(self) -> float:
@@ -47,23 +52,46 @@ class Evidence:
     def __init__(self, equations: NormalEquations, terms: Sequence[Term]) -> None:
         self.e, self.terms = equations, list(terms)
         share = np.maximum(equations.share, 1e-12)
-        self.seen = equations.share > 0
-        self.spike = np.array(
-            [t.spike / s if t.relative else t.spike for t, s in zip(terms, share, strict=True)]
-        )
         self.share = share
+        self.seen = equations.share > 0
+        self.low = np.array([t.low for t in terms])
+        self.relative = np.array([t.relative for t in terms])
         self.members: dict[Cause, np.ndarray] = {}
+        self.ways: dict[Cause, int] = {}
         for i, term in enumerate(terms):
-            if self.seen[i]:
+            if self.seen[i] and term.cause != FORM:
                 self.members.setdefault(term.candidate, np.array([], int))
                 self.members[term.candidate] = np.append(self.members[term.candidate], i)
+                self.ways[term.candidate] = term.ways
+        # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
+        together = share.copy()
+        for index in self.members.values():
+            root = np.sqrt(len(index))
+            cell = terms[index[0]].family is not None
+            together[index] = np.linalg.norm(share[index]) if cell else share[index] * root
+        self.together = together
+        self.spike = np.array([
+            t.spike / (all_of_it if t.family is not None else s) if t.relative else t.spike
+            for t, s, all_of_it in zip(terms, share, together, strict=True)
+        ])  # fmt: skip
         # in units of the spikes' widths the matrix is I + D G D, which is as well conditioned as it can be
         A = np.eye(len(terms)) + equations.G * self.spike[:, None] * self.spike[None, :]
         factor = cho_factor(A, lower=True, check_finite=False)
         self.C = cho_solve(factor, np.eye(len(A)), check_finite=False)
         self.z = self.C @ (equations.b * self.spike)
         self.log_Z = 0.5 * float(equations.b * self.spike @ self.z) - float(np.log(np.diag(factor[0])).sum())
+        self.log_Z += 0.5 * (equations.log_w - equations.rr)
         self.known: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Hypothesis] = {}
+
+    def _wide(self, causes: Sequence[Cause], slabs: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Indices of the terms that are wide, and how many times wider than their spikes they are."""
+        if not causes:
+            return np.array([], int), np.array([])
+        index = [self.members[c] for c in causes]
+        sd = [slab / self.together[i] for slab, i in zip(slabs, index, strict=True)]
+        wide = np.concatenate(index)
+        ratio = np.clip(np.concatenate(sd) / self.spike[wide], 2.0, None)
+        return wide, np.where(self.relative[wide], ratio, np.minimum(ratio, WIDEST))
 
     def at(self, causes: Iterable[Cause], slabs: Sequence[float]) -> Hypothesis:
         """One hypothesis, with a slab for each cause: all at their spikes, corrected for the k terms that are wide.
@@ -74,36 +102,46 @@ class Evidence:
         key = (causes, tuple(slabs))
         if key in self.known:
             return self.known[key]
-        wide = np.concatenate([self.members[c] for c in causes]) if causes else np.array([], int)
-        sd = np.concatenate(
-            [slab / self.share[i] / np.sqrt(len(i)) for c, slab in zip(causes, slabs, strict=True)
-             for i in [self.members[c]]]
-        ) if causes else np.array([])  # fmt: skip
-        ratio = np.maximum(sd / self.spike[wide], 2.0)
-        delta = ratio**-2 - 1.0
-        inner = np.linalg.inv(np.diag(1 / delta) + self.C[np.ix_(wide, wide)])
-        z = self.z - self.C[:, wide] @ (inner @ self.z[wide])
-        _, log_det = np.linalg.slogdet(np.eye(len(wide)) + delta[:, None] * self.C[np.ix_(wide, wide)])
-        log_Z = self.log_Z - 0.5 * float(self.z[wide] @ inner @ self.z[wide])
-        log_Z += -0.5 * float(log_det) - float(np.log(ratio).sum()) - len(causes) * float(np.log(len(SLABS)))
-        theta = z * self.spike
-        if any(theta[i] < self.terms[i].low - 2 * self.spike[i] for i in wide):
-            log_Z = -np.inf
-        out = Hypothesis(causes, log_Z, self._prior(causes), theta, tuple(slabs))
+        wide, ratio, solved, log_det = self._solved(causes, slabs)
+        log_Z = self.log_Z - 0.5 * float(self.z[wide] @ solved)
+        log_Z += -0.5 * log_det - float(np.log(ratio).sum())
+        log_Z -= sum(float(np.log(len(SLABS) * self.ways[c])) for c in causes)
+        if np.isfinite(self.low[wide]).any():
+            inside = self.C[np.ix_(wide, wide)]
+            theta = (self.z[wide] - inside @ solved) * self.spike[wide]
+            inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + inside)
+            sigma = self.spike[wide] * np.sqrt(np.maximum(np.diag(inside - inside @ inner @ inside), 0))
+            if (theta < self.low[wide] - 2 * np.maximum(self.spike[wide], sigma)).any():
+                log_Z = -np.inf
+        out = Hypothesis(causes, tuple(slabs), log_Z, self._prior(causes))
         self.known[key] = out
         return out
+
+    def _solved(
+        self, causes: Sequence[Cause], slabs: Sequence[float]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Which terms are wide and by how much, (I + Δ C)⁻¹ Δ z of them, and log |I + Δ C|."""
+        wide, ratio = self._wide(causes, slabs)
+        if not len(wide):
+            return wide, ratio, np.array([]), 0.0
+        delta = ratio**-2 - 1.0
+        inner = delta[:, None] * self.C[np.ix_(wide, wide)]
+        inner[np.diag_indices(len(wide))] += 1.0
+        lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
+        log_det = float(np.log(np.abs(np.diag(lu))).sum())
+        return wide, ratio, lu_solve((lu, pivots), delta * self.z[wide], check_finite=False), log_det
+
+    def theta(self, h: Hypothesis) -> np.ndarray:
+        """(q,): posterior mean of every term under a hypothesis."""
+        wide, _, solved, _ = self._solved(h.causes, h.slabs)
+        return np.asarray((self.z - self.C[:, wide] @ solved) * self.spike)
 
     def sigma(self, h: Hypothesis) -> np.ndarray:
         """(q,): standard deviation of every term under a hypothesis."""
         variance = np.diag(self.C).copy()
         if h.causes:
-            wide = np.concatenate([self.members[c] for c in h.causes])
-            sd = np.concatenate(
-                [slab / self.share[i] / np.sqrt(len(i)) for c, slab in zip(h.causes, h.slabs, strict=True)
-                 for i in [self.members[c]]]
-            )  # fmt: skip
-            delta = np.maximum(sd / self.spike[wide], 2.0) ** -2 - 1.0
-            inner = np.linalg.inv(np.diag(1 / delta) + self.C[np.ix_(wide, wide)])
+            wide, ratio = self._wide(h.causes, h.slabs)
+            inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + self.C[np.ix_(wide, wide)])
             variance -= np.einsum("ij,jk,ik->i", self.C[:, wide], inner, self.C[:, wide])
         return np.asarray(self.spike * np.sqrt(np.maximum(variance, 0)))
 
@@ -119,7 +157,6 @@ class Evidence:
             ]
             k = int(np.argmax([h.log_Z for h in options]))
             slabs[i] = SLABS[k]
-            wide[cause] = SLABS[k]
         return self.at(causes, slabs)
 
     def _prior(self, causes: tuple[Cause, ...]) -> float:
@@ -131,34 +168,52 @@ class Evidence:
         return float(np.log(mass / max(ways, 1.0)))
 
     def search(self) -> list[Hypothesis]:
-        """None, singles, pairs of the best with all, then greedily more and fewer; best first."""
-        wide: dict[Cause, float] = {}
+        """None, singles, pairs of the best with all; then the best one changed by one cause as long as that helps,
+        and all parts of it. Best first."""
         none = self.at((), ())
-        singles = [self.best((c,), wide) for c in self.members]
+        singles = [self.best((c,), {}) for c in self.members]
+        width = {h.causes[0]: h.slabs[0] for h in singles}
         singles.sort(key=lambda h: -h.score)
         found: dict[tuple[Cause, ...], Hypothesis] = {h.causes: h for h in [none, *singles]}
-        top = [h.causes[0] for h in singles[:TOP]]
+
+        def tried(causes: Iterable[Cause]) -> Hypothesis | None:
+            causes = tuple(sorted(causes))
+            if sum(self.terms[self.members[c][0]].generic for c in causes) > MOST_GENERIC:
+                return None
+            if causes not in found:
+                found[causes] = self.best(causes, width)
+            return found[causes]
+
         if singles and singles[0].score > none.score:
-            for a in top:
+            for a in [h.causes[0] for h in singles[:TOP]]:
                 for b in self.members:
                     if a != b:
-                        h = self.best((a, b), wide)
-                        found[h.causes] = h
+                        tried((a, b))
         current = max(found.values(), key=lambda h: h.score)
-        for _ in range(4):
-            if not current.causes:
-                break
-            more = [self.best((*current.causes, c), wide) for c in self.members if c not in current.causes]
-            best = max(more, key=lambda h: h.score)
-            found.update({h.causes: h for h in more})
-            if best.score < current.score + ENOUGH / TAU:
-                break
+        for _ in range(2 * MOST):
+            now = current.causes
+            near = [tried((*now, c)) for c in self.members if c not in now and len(now) < MOST]
+            best = _best(near)
+            if best is None or best.score <= current.score + ENOUGH / TAU:
+                rests = [tuple(c for c in now if c != gone) for gone in now if len(now) > 1]
+                near = [tried(rest) for rest in rests]
+                near += [tried((*rest, c)) for rest in rests for c in self.members if c not in now]
+                best = _best(near)
+                if best is None or best.score <= current.score:
+                    break
             current = best
+        # widths that fit the causes together
+        again = self.best(current.causes, {})
+        if again.score > current.score:
+            current = found[current.causes] = again
         for size in range(len(current.causes) - 1, 0, -1):
             for fewer in combinations(current.causes, size):
-                h = self.best(fewer, wide)
-                found[h.causes] = h
+                tried(fewer)
         return sorted(found.values(), key=lambda h: -h.score)
+
+
+def _best(hypotheses: Iterable[Hypothesis | None]) -> Hypothesis | None:
+    return max((h for h in hypotheses if h is not None), key=lambda h: h.score, default=None)
 
 
 def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:

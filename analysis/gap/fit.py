@@ -1,25 +1,35 @@
-"""Registration, linearisation, evidence, and again where the best hypothesis stands."""
+"""Registration, linearisation, evidence, and again where the best hypothesis stands.
+
+What is linear is linear everywhere; the image chain and what moves the image are linearised anew where a hypothesis
+stands, from more than one start, and the starts compare by their whole log Z.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.gap.chain_terms import chain_terms, effects_at
 from analysis.gap.conditions import Condition
-from analysis.gap.evidence import Evidence, Hypothesis, posterior
+from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
+from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms
+from analysis.gap.knot_terms import knot_terms
+from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms
+from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
 from analysis.gap.state import State
-from analysis.gap.terms import Term
+from analysis.gap.terms import Term, added
 from interchange.captures import Tolerances
 from interchange.effects import Effect
 from interchange.problems import BrightfieldError
 
-Cause = tuple[str, str]
 Told = Callable[[str, float], None]
+
+STARTS, ROUNDS = 2, 3
+WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +40,8 @@ class Model:
     theta: np.ndarray
     at: np.ndarray
 
-    def state(self, condition: Condition, stride: int = 1) -> State:
-        return State(condition, self.effects(condition), self.flow(condition), stride)
+    def state(self, condition: Condition, stride: int = 1, symmetric: bool = False) -> State:
+        return State(condition, self.effects(condition), self.flow(condition), stride, symmetric)
 
     def effects(self, condition: Condition) -> list[Effect]:
         values = {t.key: float(x) for t, x in zip(self.terms, self.at, strict=True)}
@@ -49,16 +59,30 @@ class Model:
                 total += x * np.stack(found, axis=-1)
         return total
 
-    def simulated(self, condition: Condition) -> np.ndarray:
-        """(H, W, C): expected DN of a condition with every correction."""
-        state = self.state(condition)
-        dn = state.simulation.dn.astype(np.float64)
-        for term, x in zip(self.terms, self.theta - self.at, strict=True):
-            if x:
-                column = term.field(state)
-                if column is not None:
-                    dn += x * column
-        return dn
+    def simulated(self, condition: Condition, stride: int = 1) -> np.ndarray:
+        """(H, W, C): expected DN of a condition with every correction, on every ``stride``-th pixel."""
+        state = self.state(condition, stride)
+        return state.take(state.simulation.dn) + added(state, self.terms, self.theta - self.at)
+
+    def without(self, index: np.ndarray) -> "Model":
+        theta, at = self.theta.copy(), self.at.copy()
+        theta[index], at[index] = 0.0, 0.0
+        return replace(self, theta=theta, at=at)
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """The evidence where a hypothesis stands. The first ``q`` terms of ``terms`` are every stand's, forms follow."""
+
+    terms: tuple[Term, ...]
+    at: np.ndarray
+    evidence: Evidence
+    parts: tuple[NormalEquations, ...]
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def best(self) -> Hypothesis:
+        return self.hypotheses[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,73 +101,156 @@ class Fit:
     def best(self) -> Hypothesis:
         return self.hypotheses[0]
 
+    @property
+    def theta(self) -> np.ndarray:
+        return self.after.theta
+
 
 def fit(
-    conditions: Sequence[Condition], tolerances: Tolerances, told: Told = lambda what, share: None
+    conditions: Sequence[Condition],
+    tolerances: Tolerances,
+    told: Told = lambda what, share: None,
+    knots: Knots | None = None,
 ) -> Fit:
-    """``conditions``: those that may be fitted to, rendered."""
+    """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
+    without it those that need that are not tried."""
     stride = stride_for(conditions)
-    terms = _terms(conditions, tolerances)
-    zero = np.zeros(len(terms))
+    terms = _terms(conditions, tolerances, knots)
     told("registration", 0.0)
-    evidence, parts = _linearised(conditions, terms, zero, stride, told, "registration")
-    at = zero
-    hypotheses = evidence.search()
-    for _ in range(2):
-        best = hypotheses[0]
-        start = _start(terms, best, evidence)
-        if not best.causes and not np.any(start):
-            break
-        at = start
-        evidence, parts = _linearised(conditions, terms, at, stride, told, "fit")
-        again = evidence.search()
-        settled = again[0].causes == best.causes
-        hypotheses = again
-        if settled:
-            break
-    best = hypotheses[0]
-    after = Model(tuple(terms), best.theta, at)
-    cause = np.zeros(len(terms), bool)
+    first = _stand(conditions, terms, np.zeros(len(terms)), {}, stride, told, "registration")
+    stands = [first]
+    none = next(h for h in first.hypotheses if not h.causes)
+    if first.best.causes:
+        gain = first.best.score - none.score
+        starts = _starts(first.hypotheses)[: STARTS if gain > WORTH else 1]
+        for k, start in enumerate(starts):
+            stands.append(_followed(conditions, terms, first, start, stride, told, f"fit {k + 1}"))
+    chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
+    return _fit(terms, chosen)
+
+
+def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The best, the best without what it has, and the best single cause that neither has."""
+    found = [hypotheses[0]]
+    for size in (None, 1):
+        taken = {c for h in found for c in h.causes}
+        rest = (
+            h for h in hypotheses
+            if h.causes and not taken & set(h.causes) and (size is None or len(h.causes) == size)
+        )  # fmt: skip
+        other = next(rest, None)
+        if other is not None:
+            found.append(other)
+    return found
+
+
+def _followed(
+    conditions: Sequence[Condition],
+    terms: Sequence[Term],
+    first: Stand,
+    start: Hypothesis,
+    stride: int,
+    told: Told,
+    what: str,
+) -> Stand:
+    """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
+    stand, best, q = first, start, len(terms)
+    theta = stand.evidence.theta(best)
+    for _ in range(ROUNDS):
+        at = _start(terms, best, theta, stand.evidence)
+        model = Model(tuple(terms), theta, at)
+        members = {c: stand.evidence.members[c] for c in best.causes}
+        changes = {c: _change(model, index, conditions, stride) for c, index in members.items()}
+        before, theta_before = best, theta
+        stand = _stand(conditions, terms, at, changes, stride, told, what)
+        best = stand.best
+        theta = stand.evidence.theta(best)[:q]
+        if best.causes == before.causes:
+            moved = np.abs(theta - theta_before) / stand.evidence.spike[:q]
+            if not any(moved[i].max() > 1.0 for i in members.values()):
+                break
+    return stand
+
+
+def _change(model: Model, index: np.ndarray, conditions: Sequence[Condition], stride: int) -> Change:
+    """What a cause changes in each condition."""
+    without, own = model.without(index), [model.terms[i] for i in index]
+    out = {}
+    for c in conditions:
+        state = model.state(c, stride)
+        change = added(state, own, (model.theta - model.at)[index])
+        if model.at[index].any():
+            change = change + state.take(state.simulation.dn - without.state(c).simulation.dn)
+        out[c.name] = np.asarray(change, np.float32)
+    return out
+
+
+def _fit(terms: Sequence[Term], stand: Stand) -> Fit:
+    """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
+    q = len(terms)
+    parts = tuple(_of_terms(p, q) for p in stand.parts)
+    evidence = Evidence(total_of(parts), terms)
+    best = stand.best
+    theta = evidence.theta(best)
+    after = Model(tuple(terms), theta, stand.at)
+    cause = np.zeros(q, bool)
     for c in best.causes:
         cause[evidence.members[c]] = True
-    before = Model(tuple(terms), np.where(cause, 0.0, best.theta), zero)
-    return Fit(before, after, tuple(hypotheses), posterior(hypotheses), tuple(terms), evidence, parts)
+    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.zeros(q))
+    return Fit(before, after, stand.hypotheses, posterior(stand.hypotheses), tuple(terms), evidence, parts)
 
 
-def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+def _of_terms(part: NormalEquations, q: int) -> NormalEquations:
+    return replace(part, G=part.G[:q, :q], b=part.b[:q])
+
+
+def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None) -> list[Term]:
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     return [
         *geometry_terms(conditions, tolerances),
         *light_terms(conditions, tolerances),
+        *material_terms(conditions, tolerances),
+        *(knot_terms(conditions, tolerances, knots) if knots is not None else []),
         *chain_terms(State(bright), tolerances),
         *generic_terms(conditions, tolerances),
     ]
 
 
-def _start(terms: Sequence[Term], best: Hypothesis, evidence: Evidence) -> np.ndarray:
+def _start(terms: Sequence[Term], best: Hypothesis, theta: np.ndarray, evidence: Evidence) -> np.ndarray:
     """Where the next linearisation stands: the chain's and the flow's terms of the causes, as they were found."""
     start = np.zeros(len(terms))
     for cause in best.causes:
         for i in evidence.members[cause]:
             if terms[i].kind in ("chain", "flow"):
-                start[i] = max(best.theta[i], terms[i].low)
+                start[i] = max(theta[i], terms[i].low)
     return start
 
 
-def _linearised(
-    conditions: Sequence[Condition], terms: Sequence[Term], at: np.ndarray, stride: int, told: Told, what: str
-) -> tuple[Evidence, tuple[NormalEquations, ...]]:
+def _stand(
+    conditions: Sequence[Condition],
+    terms: Sequence[Term],
+    at: np.ndarray,
+    changes: dict[Cause, Change],
+    stride: int,
+    told: Told,
+    what: str,
+) -> Stand:
+    free = {t.candidate for t in terms if t.family is not None}  # of any form
+    forms = form_terms({c: change for c, change in changes.items() if c not in free})
+    every = [*terms, *forms]
+    at_all = np.append(at, np.zeros(len(forms)))
     model = Model(tuple(terms), at, at)
     parts = []
     for k, condition in enumerate(conditions):
-        state = model.state(condition, stride)
+        state = model.state(condition, stride, symmetric=True)
         if not state.usable.any():
             continue
-        parts.append(equations(state, terms, at))
+        parts.append(equations(state, every, at_all, doubt(list(changes.values()), state)))
         told(what, (k + 1) / len(conditions))
     if not parts:
         raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
-    return Evidence(total_of(parts), terms), tuple(parts)
+    evidence = Evidence(total_of(parts), every)
+    return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()))
 
 
 def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:
@@ -163,12 +270,17 @@ def uncertainty(found: Fit) -> np.ndarray:
     formal = found.evidence.sigma(best)
     if n < 3:
         return formal
+    wide = {i for c in best.causes for i in found.evidence.members[c]}
+    kept = np.array([i for i, t in enumerate(found.terms) if t.family is None or i in wide])
+    terms = [found.terms[i] for i in kept]
+    own = [replace(p, G=p.G[np.ix_(kept, kept)], b=p.b[kept]) for p in found.parts]
     fitted = []
     for k in range(n):
-        rest = Evidence(total_of([p for i, p in enumerate(found.parts) if i != k]), found.terms)
+        rest = Evidence(total_of([p for i, p in enumerate(own) if i != k]), terms)
         if all(c in rest.members for c in best.causes):
-            fitted.append(rest.at(best.causes, best.slabs).theta)
+            fitted.append(rest.theta(best))
     if len(fitted) < 3:
         return formal
-    spread = np.var(fitted, axis=0) * (len(fitted) - 1)
+    spread = np.zeros(len(found.terms))
+    spread[kept] = np.var(fitted, axis=0) * (len(fitted) - 1)
     return np.asarray(np.sqrt(formal**2 + spread))

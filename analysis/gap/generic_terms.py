@@ -1,22 +1,39 @@
 """Families without a cause, which compete with the effects on equal terms, so that the unknown is named as unknown.
 
-Each says what the gap is fixed to: the image, the surface, the lamp (light_terms) or a capture.
+Each says what the gap is fixed to: the image (smooth, or in places), its rows or columns, the surface, a lamp's light
+on the surface, a capture, a mirrored copy, or how bright the surroundings are.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.light_terms import surface_coordinates
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.captures import Tolerances
 
 ORDER = 5  # cosines a side
+GRID = (12, 9)  # places of an image, columns and rows
+BOX = 8  # places of the scene's longest side
+SPARE = 0.0005  # rms of places, over the signal, that no twin gets right
+PERIODS = 3  # of stripes that are tried
+AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 
 FACTOR, OFFSET = "fixed to the image, multiplicative", "fixed to the image, additive"
-SURFACE, MIRROR, CAPTURE = "fixed to the surface", "mirrored copy", "fixed to a capture"
+SPOT, GLOW = "fixed to places of the image, multiplicative", "fixed to places of the image, additive"
+ROWS, COLUMNS = "fixed to the image's rows", "fixed to the image's columns"
+SURFACE, PATCH, EXTRA = (
+    "fixed to the surface",
+    "fixed to places of the surface",
+    "light on places of the surface",
+)
+SHADE = "light of one lamp on places of the surface"
+MIRROR, CAPTURE, PLACE = "mirrored copy", "fixed to a capture", "fixed to places of a capture"
+SURROUNDINGS = "depends on the surroundings' brightness"
 
 
 def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
@@ -24,20 +41,49 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     terms = []
     waves = [(i, j) for i in range(ORDER) for j in range(ORDER) if 0 < i + j < ORDER + 1]
     spread = np.sqrt(len(waves))
-    for camera in dict.fromkeys(c.camera.name for c in conditions):
+    cameras = tuple(dict.fromkeys(c.camera.name for c in conditions))
+    for camera in cameras:
         for i, j in waves:
-            label = f"{camera} {i},{j}"
-            terms.append(_term(FACTOR, label, t.flat_field / spread, _image(camera, i, j, True)))
-            terms.append(_term(OFFSET, label, t.flat_field / 6 / spread, _image(camera, i, j, False)))
-    spread = np.sqrt(len(waves))
-    terms += [_term(SURFACE, f"{i},{j}", t.albedo / spread, _surface(i, j)) for i, j in waves]
-    terms.append(_term(MIRROR, "ghost", t.flat_field / 6, _mirrored))
-    terms += [_term(CAPTURE, c.name, t.light_intensity / 2, _capture(c.name)) for c in conditions]
+            label = f"{i},{j}"
+            terms.append(_term(FACTOR, camera, label, t.flat_field / spread, _image(camera, i, j, True)))
+            terms.append(_term(OFFSET, camera, label, t.flat_field / 6 / spread, _image(camera, i, j, False)))
+    terms += [_term(SURFACE, "", f"{i},{j}", t.albedo / spread, _surface(i, j)) for i, j in waves]
+    for way, axes in (("turned by 180 degrees", (0, 1)), ("left to right", (1,)), ("top to bottom", (0,))):
+        terms.append(_term(MIRROR, "", way, t.flat_field / 6, _mirrored(axes)))
+    terms.append(_term(SURROUNDINGS, "", "gain", t.flat_field / 6, _surroundings))
+    terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 2, _capture(c.name)) for c in conditions]
+    for camera in cameras:
+        terms += _stripes(camera, conditions, t.flat_field / 6)
+    return [*terms, *_places(cameras, conditions)]
+
+
+def _places(cameras: Sequence[str], conditions: Sequence[Condition]) -> list[Term]:
+    columns, rows = GRID
+    spots = [
+        f"{c * 100 // columns + 3} % right, {r * 100 // rows + 4} % down"
+        for r in range(rows)
+        for c in range(columns)
+    ]
+    terms = []
+    for camera in cameras:
+        terms += in_cells(SPOT, camera, SPARE, Family(_spots(camera, True), tuple(spots)))
+        terms += in_cells(GLOW, camera, SPARE, Family(_spots(camera, False), tuple(spots)))
+    low, high = conditions[0].shown.scene.bounds
+    boxes = Boxes.of(conditions, low, max(float((high - low).max()) / BOX, 1e-9))
+    terms += in_cells(PATCH, "", SPARE, Family(_patches(boxes, None), boxes.names))
+    terms += in_cells(EXTRA, "", SPARE, Family(_patches(boxes, ""), boxes.names))
+    lamps = tuple(dict.fromkeys(name for c in conditions for name in c.lamps))
+    if len(lamps) > 1:
+        for lamp in lamps:
+            terms += in_cells(SHADE, lamp, SPARE, Family(_patches(boxes, lamp), boxes.names))
+    quarters = [f"{25 * c + 12} % right, {33 * r + 16} % down" for r in range(3) for c in range(4)]
+    for c in conditions:
+        terms += in_cells(PLACE, c.name, SPARE, Family(_quarters(c.name), tuple(quarters)))
     return terms
 
 
-def _term(cause: str, parameter: str, spike: float, field: Field) -> Term:
-    return Term(cause, "", parameter, "1", spike, field, relative=True, generic=True)
+def _term(cause: str, target: str, parameter: str, spike: float, field: Field) -> Term:
+    return Term(cause, target, parameter, "1", spike, field, relative=True, generic=True)
 
 
 def _cosines(x: np.ndarray, y: np.ndarray, i: int, j: int) -> np.ndarray:
@@ -63,9 +109,130 @@ def _surface(i: int, j: int) -> Field:
     return field
 
 
-def _mirrored(s: State) -> np.ndarray:
-    return s.take((s.simulation.dn - s.simulation.black)[::-1, ::-1])
+def _mirrored(axes: tuple[int, ...]) -> Field:
+    return lambda s: s.take(np.flip(s.simulation.dn - s.simulation.black, axes))
+
+
+def _surroundings(s: State) -> np.ndarray:
+    whole = np.ascontiguousarray(s.simulation.dn - s.simulation.black, np.float32)
+    wide = cv2.GaussianBlur(whole, (0, 0), AROUND * whole.shape[1]).reshape(whole.shape)
+    return s.signal * (s.take(wide) / max(float(whole.mean()), 1e-9) - 1)
 
 
 def _capture(name: str) -> Field:
     return lambda s: s.signal if s.condition.name == name else None
+
+
+def _hats(s: State, columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Number and share (h, w, 4) of the places around a pixel: bilinear, ``columns`` x ``rows`` of them."""
+    w, h = s.camera.sensor.resolution
+    x, y = (s.grid[0] + 0.5) / w * columns - 0.5, (s.grid[1] + 0.5) / h * rows - 0.5
+    x, y = np.clip(x, 0, columns - 1), np.clip(y, 0, rows - 1)
+    i, j = np.minimum(x.astype(np.int32), columns - 2), np.minimum(y.astype(np.int32), rows - 2)
+    fx, fy = x - i, y - j
+    ids = np.stack([(j + b) * columns + i + a for b in (0, 1) for a in (0, 1)], axis=-1)
+    share = np.stack([(fx if a else 1 - fx) * (fy if b else 1 - fy) for b in (0, 1) for a in (0, 1)], axis=-1)
+    return ids, share.astype(np.float32)
+
+
+def _spots(camera: str, factor: bool) -> Cells:
+    def cells(s: State) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        if s.camera.name != camera:
+            return None
+        return *_hats(s, *GRID), s.signal if factor else np.full_like(s.signal, 100.0)
+
+    return cells
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Cubes of the scene that are seen: ``number`` of each, by its place (i, j, k) from ``low`` m, -1 where none is."""
+
+    low: np.ndarray
+    side: float
+    number: np.ndarray
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, conditions: Sequence[Condition], low: np.ndarray, side: float) -> "Boxes":
+        seen = [c.shown.passes["position"][c.shown.passes["object_id"] >= 0] for c in conditions]
+        places = np.unique(np.concatenate([_whole((p - low) / side) for p in seen]), axis=0)
+        number = np.full(places.max(axis=0) + 1 if len(places) else (1, 1, 1), -1, np.int32)
+        number[tuple(places.T)] = np.arange(len(places))
+        centres = 1e3 * (low + (places + 0.5) * side)
+        return cls(low, side, number, tuple(f"({x:.0f}, {y:.0f}, {z:.0f}) mm" for x, y, z in centres))
+
+    def ids(self, s: State) -> np.ndarray:
+        """(h, w, 1) int32."""
+        places = np.clip(_whole((s.position - self.low) / self.side), 0, np.array(self.number.shape) - 1)
+        found = self.number[tuple(np.moveaxis(places, -1, 0))]
+        return np.where(s.take(s.shown.passes["object_id"]) < 0, -1, found)[..., None]
+
+
+def _whole(x: np.ndarray) -> np.ndarray:
+    return np.maximum(np.nan_to_num(x), 0).astype(np.int32)
+
+
+def _patches(boxes: Boxes, lamp: str | None) -> Cells:
+    """``lamp``: None takes all light there, "" adds light that is always on, else that lamp's alone."""
+
+    def cells(s: State) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        if lamp and lamp not in s.lamps:
+            return None
+        unit = s.signal if lamp is None else s.lamps[lamp] if lamp else s.per_radiance
+        ids = boxes.ids(s)
+        return ids, np.ones(ids.shape, np.float32), unit
+
+    return cells
+
+
+def _quarters(name: str) -> Cells:
+    def cells(s: State) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        return (*_hats(s, 4, 3), s.signal) if s.condition.name == name else None
+
+    return cells
+
+
+def _stripes(camera: str, conditions: Sequence[Condition], spike: float) -> list[Term]:
+    """Waves along rows and along columns at the frequencies where what the captures have beyond the simulation, over
+    the signal, is strongest: ``ways`` counts those that were looked at."""
+    own = [c for c in conditions if c.camera.name == camera]
+    terms = []
+    for axis, cause in ((0, ROWS), (1, COLUMNS)):
+        n = own[0].mean.shape[axis]
+        numerator, denominator = np.zeros(n), np.zeros(n)
+        for c in own:
+            model = c.simulated()
+            ok = c.compared[..., None]
+            s = np.where(ok, np.maximum(model.dn - model.black, 0), 0).astype(np.float64)
+            w = 1 / np.maximum(model.variance + (0.01 * s) ** 2, 1e-12)
+            along = (1 - axis, 2)
+            numerator += (w * s * np.where(ok, c.mean - model.dn, 0)).sum(axis=along)
+            denominator += (w * s * s).sum(axis=along)
+        profile = np.divide(numerator, denominator, out=np.zeros(n), where=denominator > 0)
+        power = np.abs(np.fft.rfft((profile - profile.mean()) * np.hanning(n)))
+        first = ORDER + 2  # slower waves are smooth
+        inner = power[first:-1]
+        peaks = [
+            k + first
+            for k in np.argsort(-inner)
+            if power[k + first] >= max(power[k + first - 1], power[k + first + 1])
+        ][:PERIODS]
+        for k in peaks:
+            for phase, word in ((0.0, "cos"), (0.5, "sin")):
+                terms.append(
+                    Term(cause, f"{camera} period {n / k:.1f} px", word, "1", spike,
+                         _wave(camera, axis, k / n, phase), True, generic=True, ways=len(inner) // PERIODS)
+                )  # fmt: skip
+    return terms
+
+
+def _wave(camera: str, axis: int, frequency: float, phase: float) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        if s.camera.name != camera:
+            return None
+        along = s.grid[1 - axis]
+        wave = np.cos(2 * np.pi * frequency * along - np.pi * phase).astype(np.float32)
+        return s.signal * wave[..., None]
+
+    return field

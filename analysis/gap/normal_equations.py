@@ -12,31 +12,40 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
-from analysis.gap.terms import Term
+from analysis.gap.terms import Family, Term, families
 
 SIGNAL, GRADIENT, FLOOR = 0.002, 0.03, 0.0015  # f_s, f_g px, f_0
 SAMPLED = (
     0.6  # px: an edge's error by N stratified samples a pixel is SAMPLED N^(-3/4). Mitchell, SIGGRAPH 1996
 )
 BLOCK = 5
-STRIDE = 3
+ENOUGH = 5000  # pixels of a condition
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled. All tempered."""
+    """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled; ``log_w``: Σ log w;
+    ``count`` of values. All tempered."""
 
     G: np.ndarray
     b: np.ndarray
     rr: float
     signal: float
+    log_w: float = 0.0
+    count: float = 0.0
 
     def __add__(self, other: "NormalEquations") -> "NormalEquations":
         return NormalEquations(
-            self.G + other.G, self.b + other.b, self.rr + other.rr, self.signal + other.signal
+            self.G + other.G,
+            self.b + other.b,
+            self.rr + other.rr,
+            self.signal + other.signal,
+            self.log_w + other.log_w,
+            self.count + other.count,
         )
 
     @property
@@ -67,24 +76,66 @@ def columns(state: State, terms: Sequence[Term]) -> np.ndarray:
     return out
 
 
-def equations(state: State, terms: Sequence[Term], theta: np.ndarray) -> NormalEquations:
-    """Of one condition. ``theta`` (q,): where the chain and the flow of ``state`` stand; terms count from zero."""
+def cells(state: State, found: Sequence[tuple[Family, np.ndarray]]) -> sparse.csr_array | None:
+    """(k, n): what ``columns`` gives, of all families' terms one after the other."""
     mask = state.usable
-    X = columns(state, terms)
-    r = state.residual[mask].reshape(-1).astype(np.float64) + theta @ X
-    w = 1.0 / variance(state)[mask].reshape(-1)
+    n, channels = int(mask.sum()), state.condition.mean.shape[2]
+    parts = []
+    for family, index in found:
+        seen = family.cells(state)
+        if seen is None:
+            parts.append(sparse.csr_array((len(index), n * channels), dtype=np.float32))
+            continue
+        ids, share, unit = seen[0][mask], seen[1][mask], seen[2]
+        unit = np.broadcast_to(unit, (*mask.shape, channels))[mask]
+        pixel, which = np.nonzero((ids >= 0) & (share > 0))
+        value = (share[pixel, which][:, None] * unit[pixel]).astype(np.float32)
+        row = np.repeat(ids[pixel, which], channels)
+        column = (pixel[:, None] * channels + np.arange(channels)).reshape(-1)
+        parts.append(sparse.csr_array((value.reshape(-1), (row, column)), shape=(len(index), n * channels)))
+    return sparse.vstack(parts, format="csr") if parts else None
+
+
+def equations(
+    state: State, terms: Sequence[Term], theta: np.ndarray, doubt: np.ndarray | None = None
+) -> NormalEquations:
+    """Of one condition. ``theta`` (q,): where the chain and the flow of ``state`` stand; terms count from zero.
+
+    ``doubt`` (h, w, C) DN²: variance that the forms of effects leave, beside ``variance``.
+    """
+    mask = state.usable
+    found = families(terms)
+    few = np.array([i for i, t in enumerate(terms) if t.family is None], int)
+    X = columns(state, [terms[i] for i in few])
+    r = state.residual[mask].reshape(-1).astype(np.float32) + theta[few].astype(np.float32) @ X
+    v = variance(state) if doubt is None else variance(state) + doubt
+    w = (1.0 / v)[mask].reshape(-1).astype(np.float32)
     s = state.signal[mask].reshape(-1)
     T = BLOCK**2 / state.stride**2
     XW = X * w
+    q = len(terms)
+    G, b = np.zeros((q, q)), np.zeros(q)
+    G[np.ix_(few, few)] = XW @ X.T
+    b[few] = XW @ r
+    S = cells(state, found)
+    if S is not None:
+        many = np.concatenate([index for _, index in found])
+        across = np.asarray(S @ XW.T)
+        G[np.ix_(many, few)], G[np.ix_(few, many)] = across, across.T
+        SW = S * w[None, :]
+        G[np.ix_(many, many)] = (SW @ S.T).toarray()
+        b[many] = SW @ r
     return NormalEquations(
-        G=(XW @ X.T).astype(np.float64) / T,
-        b=XW.astype(np.float64) @ r / T,
-        rr=float(np.sum(w * r * r)) / T,
+        G=G / T,
+        b=b / T,
+        rr=float(np.sum(w * r * r, dtype=np.float64)) / T,
         signal=float(np.sum(w * s * s, dtype=np.float64)) / T,
+        log_w=float(np.log(w, dtype=np.float64).sum()) / T,
+        count=len(w) / T,
     )
 
 
 def stride_for(conditions: Sequence[Condition]) -> int:
-    """Every so many rows and columns are enough: ``STRIDE``, less for small images."""
+    """Every so many rows and columns are enough: residuals of neighbours go together anyway."""
     smallest = min(c.mean.shape[0] * c.mean.shape[1] for c in conditions)
-    return int(np.clip(np.sqrt(smallest / 8000), 1, STRIDE))
+    return int(np.clip(round(np.sqrt(smallest / ENOUGH)), 1, BLOCK))

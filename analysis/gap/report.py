@@ -139,9 +139,15 @@ def _effect(f: Finding, found: Diagnosed) -> str:
     table = f"<table>{head}{rows}</table>"
     mark = why(f.name)
     seen = f"<dt>What gives it away</dt><dd>{html.escape(mark)}</dd>" if mark else ""
-    noise = "It changes the noise and no mean: it is judged on repeats."
-    said = noise if f.name == "sensor_noise" else evidence(found.fit, f)
-    rivals = "".join(f"<dd>{html.escape(w)}</dd>" for w in why_not(f)[:4]) or "<dd>Nothing looks alike.</dd>"
+    noise = (
+        "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
+    )
+    fitted = any(f.name == cause for cause, _ in found.fit.best.causes)
+    said = evidence(found.fit, f) if fitted else noise
+    rivals = (
+        "".join(f"<dd>{html.escape(w)}</dd>" for w in why_not(found.fit, f)[:4])
+        or "<dd>Nothing looks alike.</dd>"
+    )
     against = (
         "<dd>What it takes off is below 0: it works against another effect, and shows beside it alone.</dd>"
     )
@@ -223,7 +229,11 @@ def _verification(d: Diagnosis) -> str:
 def _ranking(found: Diagnosed) -> str:
     best = found.fit.best
     rows = []
-    for h in found.fit.hypotheses[:10]:
+    ranked = found.fit.hypotheses
+    named = {c for h in ranked[:1] for c in h.causes}
+    instead = [h for h in ranked if not named & set(h.causes)]
+    nothing = [h for h in ranked if not h.causes]
+    for h in dict.fromkeys([*ranked[:6], *instead[:4], *nothing]):
         words = (
             " + ".join(f"{plain(a)} {b.rsplit('/', 1)[-1]}".strip() for a, b in h.causes)
             or "nothing but tolerances"

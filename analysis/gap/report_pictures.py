@@ -61,7 +61,8 @@ def waterfall(steps: Sequence[Step], total: float) -> str:
         y = 8 + k * row
         colour = COLOURS.get(kind, "#1d2a35") if value >= 0 or kind == "noise" else "#2f7d4f"
         begin, end = sorted((x(a), x(b)))
-        label = f"{value:.3g}" if kind in ("total", "noise") else f"{-value:+.3g}".replace("-", "−")
+        stays = kind in ("total", "rest", "noise")
+        label = f"{value:.3g}" if stays else f"{-value:+.3g}".replace("-", "−")
         percent = f" ({100 * value / total:.0f} %)" if kind != "total" and total > 0 else ""
         out.append(
             f'<text x="{left - 12}" y="{y + 15}" text-anchor="end">{html.escape(name)}</text>'

@@ -52,8 +52,11 @@ def evidence(fit: Fit, finding: Finding) -> str:
         return "Every explanation that was tried has it."
     gain = fit.best.score - max(without)
     word = next(word for least, word in STRENGTH if gain >= least)
-    times = f"10^{gain / math.log(10):.0f}" if gain > 14 else f"{float(f'{math.exp(gain):.1g}'):,.0f}"
-    return f"There is {word} evidence: the best explanation without it is {times} times less probable."
+    return f"There is {word} evidence: the best explanation without it is {_times(gain)} times less probable."
+
+
+def _times(gain: float) -> str:
+    return f"10^{gain / math.log(10):.0f}" if gain > 14 else f"{float(f'{math.exp(gain):.1g}'):,.0f}"
 
 
 def meaning(name: str) -> str:
@@ -67,8 +70,8 @@ def why(name: str) -> str:
     return str(getattr(MODELS.get(name), "identified_by", ""))
 
 
-def why_not(finding: Finding) -> list[str]:
-    """One sentence for each effect that looks alike."""
+def why_not(fit: Fit, finding: Finding) -> list[str]:
+    """One sentence or two for each effect that looks alike."""
     chances = dict(finding.rivals)
     alike = [*chances, *getattr(MODELS.get(finding.name), "confused_with", ())]
     out = []
@@ -79,8 +82,19 @@ def why_not(finding: Finding) -> list[str]:
             out.append(
                 f"{plain(rival)}: could stand in its place with probability {chances[rival]:.2f}.{seen}"
             )
-        else:
-            out.append(f"{plain(rival)}: does not explain these captures.{seen}")
+            continue
+        instead = [
+            h.score
+            for h in fit.hypotheses
+            if rival in {c[0] for c in h.causes} and finding.name not in {c[0] for c in h.causes}
+        ]
+        gain = fit.best.score - max(instead) if instead else 0.0
+        said = (
+            f"in its place is {_times(gain)} times less probable"
+            if gain > 0
+            else "was not tried in its place"
+        )
+        out.append(f"{plain(rival)}: {said}.{seen}")
     return out
 
 

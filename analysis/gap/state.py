@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
@@ -17,7 +18,9 @@ from interchange.image import Image, Quantity
 
 class State:
     """``effects`` are in the chain; ``flow`` (H, W, 2) px moves what was rendered (where it goes to, minus where it
-    is). ``stride``: sensitivities are taken on every so many rows and columns."""
+    is). ``stride``: sensitivities are taken on every so many rows and columns. ``symmetric``: what a motion changes is
+    told by the mean of simulation's and capture's gradients, exact to the second order of the motion (only to fit:
+    it looks at the capture). Benhimane, Malis: Homography-based 2D visual tracking and servoing. IJRR 2007."""
 
     def __init__(
         self,
@@ -25,8 +28,10 @@ class State:
         effects: Sequence[Effect] = (),
         flow: np.ndarray | None = None,
         stride: int = 1,
+        symmetric: bool = False,
     ) -> None:
         self.condition, self.effects, self.stride = condition, tuple(effects), stride
+        self.symmetric = symmetric
         self.camera, self.shown = condition.camera, condition.shown
         if flow is not None:
             self.shown = _moved(self.shown, flow)
@@ -61,7 +66,7 @@ class State:
 
     @cached_property
     def usable(self) -> np.ndarray:
-        return self.take(self.condition.usable(self.simulation))
+        return self.take(self.condition.compared)
 
     @cached_property
     def per_radiance(self) -> np.ndarray:
@@ -93,6 +98,17 @@ class State:
         return self.take(dx), self.take(dy)
 
     @cached_property
+    def symmetric_gradient(self) -> tuple[np.ndarray, np.ndarray]:
+        """(h, w, C) DN/px: the mean of both gradients near edges, the simulation's where the capture's is noise."""
+        e, c = self.simulation, self.condition
+        dy, dx = np.gradient(e.dn, axis=(0, 1))
+        real_y, real_x = np.gradient(c.mean, axis=(0, 1))
+        noise = e.temporal / len(c.captures) + e.fixed
+        steep = cv2.dilate(np.ascontiguousarray(dx**2 + dy**2), np.ones((3, 3), np.uint8)).reshape(dx.shape)
+        half = 0.5 * steep / (steep + 9 * noise)
+        return self.take(dx + half * (real_x - dx)), self.take(dy + half * (real_y - dy))
+
+    @cached_property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w) column and row of every pixel that is taken."""
         h, w = self.condition.mean.shape[:2]
@@ -119,7 +135,7 @@ class State:
 
     def shifted(self, du: np.ndarray, dv: np.ndarray) -> np.ndarray:
         """(h, w, C): what DN change by where the scene moves by (du, dv) px."""
-        dx, dy = self.gradient
+        dx, dy = self.gradient if not self.symmetric else self.symmetric_gradient
         return np.asarray(-(dx * du[..., None] + dy * dv[..., None]), np.float32)
 
 

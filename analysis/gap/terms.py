@@ -4,7 +4,7 @@ Every term is always in the model, at the width that calibration leaves it (``sp
 that may be wide.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,17 @@ from analysis.gap.state import State
 
 Field = Callable[[State], np.ndarray | None]
 Flow = Callable[[State], tuple[np.ndarray, np.ndarray] | None]
+Cells = Callable[[State], tuple[np.ndarray, np.ndarray, np.ndarray] | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Many terms at once, each with pixels of its own: ``cells(state)`` gives the numbers (h, w, m) of the terms that a
+    pixel belongs to, -1 for none, to what share (h, w, m), and what a unit of them adds there, (h, w, C) DN; None where
+    a condition shows none."""
+
+    cells: Cells
+    places: tuple[str, ...]  # what each term is called
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +34,7 @@ class Term:
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
     it gives to the image, over the signal. ``power``: the parameter is the term to the power 1 / ``power``.
     ``low``: the least value the term may have. ``kind``: "chain" (an effect in ``interchange.effects``), "flow" (moves
-    the image) or "linear".
+    the image), "linear", or "cell" (number ``cell`` of ``family``, which has no ``field``).
     """
 
     cause: str
@@ -39,6 +50,9 @@ class Term:
     generic: bool = False
     start: float = 0.0  # the parameter's value where the term is 0
     flow: Flow | None = None  # px (columns, rows) that a unit moves the image by, where ``kind`` is "flow"
+    family: Family | None = None
+    cell: int = 0
+    ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -61,3 +75,45 @@ def moving(cause: str, target: str, parameter: str, unit: str, spike: float, flo
         return None if found is None else state.shifted(*found)
 
     return Term(cause, target, parameter, unit, spike, field, kind="flow", flow=flow)
+
+
+def _nothing(state: State) -> None:
+    return None
+
+
+def in_cells(cause: str, target: str, spike: float, family: Family) -> list[Term]:
+    """The terms of a family; ``spike``: rms that all of them together give to the image anyway, over the signal."""
+    return [
+        Term(
+            cause, target, place, "1", spike, _nothing, True, kind="cell", generic=True, family=family, cell=k
+        )
+        for k, place in enumerate(family.places)
+    ]
+
+
+def families(terms: Sequence[Term]) -> list[tuple[Family, np.ndarray]]:
+    """Each family among ``terms`` and the indices of its terms."""
+    found: dict[int, tuple[Family, list[int]]] = {}
+    for i, term in enumerate(terms):
+        if term.family is not None:
+            found.setdefault(id(term.family), (term.family, []))[1].append(i)
+    return [(family, np.array(index)) for family, index in found.values()]
+
+
+def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
+    """(h, w, C) float64: what ``theta`` (q,) of ``terms`` add to the image."""
+    total = np.zeros(state.signal.shape)
+    for term, x in zip(terms, theta, strict=True):
+        if x and term.family is None:
+            column = term.field(state)
+            if column is not None:
+                total += x * column
+    for family, index in families(terms):
+        if theta[index].any():
+            found = family.cells(state)
+            if found is not None:
+                ids, share, unit = found
+                height = np.zeros(len(family.places) + 1)  # the last stands for no place
+                height[[terms[i].cell for i in index]] = theta[index]
+                total += (height[ids] * share).sum(axis=-1)[..., None] * unit
+    return total

@@ -64,8 +64,9 @@ def verified(
     for condition in held_out:
         new = document.scene(condition.captures[0].time)
         camera = new.camera(condition.camera.name)
-        gain = condition.camera.sensor.gain_dB
-        camera = replace(camera, t_exp=condition.camera.t_exp, sensor=replace(camera.sensor, gain_dB=gain))
+        own = condition.camera.sensor
+        sensor = replace(camera.sensor, gain_dB=own.gain_dB, output_bit_depth=own.output_bit_depth)
+        camera = replace(camera, t_exp=condition.camera.t_exp, sensor=sensor)
         found.append(replace(condition, scene=new, camera=camera, rendered=None))
     rendered = render_all(
         [(c.scene, c.camera) for c in found],

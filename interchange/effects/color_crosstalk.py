@@ -4,6 +4,7 @@ red' = (1 - rg - rb) red + rg green + rb blue,   and so on: grey stays grey
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class ColorCrosstalk(Effect):
     confused_with = ("white_balance", "albedo", "light_spectrum")
     separated_by = "saturated red, green and blue patches in one image"
     pointwise = True
+    physical: ClassVar = dict.fromkeys(("rg", "rb", "gr", "gb", "br", "bg"), 0.0)  # light that leaks is not negative
     carried_by = carried(
         rg="sensor.color_crosstalk.0",
         rb="sensor.color_crosstalk.1",

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.conditions import conditions
+from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.diagnosis import record
 from analysis.gap.expected import mean_dn, noise_variance
@@ -16,6 +16,7 @@ from analysis.gap.fit import Model
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.light_terms import light_terms
 from analysis.gap.noise import noise_fit
+from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
 from analysis.gap.report import write_report
@@ -279,7 +280,7 @@ def test_a_correction_of_the_chain_equals_its_effect(vignetting: Diagnosed) -> N
     """The model with vignetting in the chain alone simulates what the camera with that effect gives."""
     fitted = vignetting.fit
     cause = np.array([t.cause == "vignetting" for t in fitted.terms])
-    theta = np.where(cause, fitted.best.theta, 0.0)
+    theta = np.where(cause, fitted.theta, 0.0)
     condition = vignetting.conditions[0]
     values = [p.value for p in vignetting.diagnosis.effects[0].parameters.values()]
     expected = condition.simulated([Vignetting(*values)]).dn
@@ -330,6 +331,51 @@ def test_captures_that_do_not_fit_the_scene_are_told_together(folder: Path, docu
     assert "112 x 84 px" in said[0]
     assert "4095" in said[1]
     assert 'Did you mean "/World/Camera0"' in said[2]
+
+
+def test_a_camera_that_looks_elsewhere_is_named(
+    folder: Path, document: Document, truth: list[Rendered]
+) -> None:
+    """Its image upside down stands for a grossly wrong pose; the other camera's captures are right."""
+    found = _found(folder, document, truth)
+    must_overlap(found)
+    turned = [replace(c, mean=c.mean[::-1, ::-1]) if c.camera.name == "/World/Camera1" else c for c in found]
+    with pytest.raises(BrightfieldError, match=r"those of /World/Camera1 \(correlation"):
+        must_overlap(turned)
+
+
+def _found(folder: Path, document: Document, truth: list[Rendered]) -> list[Condition]:
+    found = conditions(_capture(folder, document, truth, "null", ()), document)
+    return [replace(c, rendered=r) for c, r in zip(found, _of(document, truth), strict=True)]
+
+
+def test_captures_that_lie_off_are_told(folder: Path, document: Document, truth: list[Rendered]) -> None:
+    found = _found(folder, document, truth)
+    assert shifts(found) == {}
+    rolled = [replace(c, mean=np.roll(c.mean, (4, 3), (0, 1))) for c in found]
+    assert shifts(rolled) == {
+        name: pytest.approx(5, abs=0.3) for name in ("/World/Camera0", "/World/Camera1")
+    }
+
+
+def test_8_bit_images_are_compared_in_their_own_steps(
+    folder: Path, document: Document, truth: list[Rendered]
+) -> None:
+    """The sensor's 4095 DN in 255: what differs is temporal noise and the rounding, 1/12 of a step squared."""
+    captures = _capture(folder, document, truth, "null", ())
+    eight = tuple(replace(c, pixels=np.rint(c.pixels * 255 / 4095), bits=8) for c in captures.captures)
+    found = with_files_bits(conditions(replace(captures, captures=eight), document))
+    found = [replace(c, rendered=r) for c, r in zip(found, _of(document, truth), strict=True)]
+    for c in (c for c in found if c.lamps):
+        model = c.simulated()
+        assert model.top == 255
+        ok = c.usable(model)[..., None] & (model.dn > 20)  # in the dark all values round alike
+        z = (c.captures[0].pixels - model.dn)[ok] / np.sqrt(model.temporal[ok])
+        assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.1)
+    first, second = notes_on_files(found)
+    assert "a step is 16.1 DN" in first
+    assert "processed" in second
+    assert notes_on_files(_found(folder, document, truth)) == []
 
 
 def test_captures_of_something_else_are_refused(folder: Path, document: Document, null: Diagnosed) -> None:

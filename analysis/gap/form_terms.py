@@ -1,0 +1,89 @@
+"""How an effect may differ from its formula: its change of the image, modulated.
+
+No formula is the effect itself: a fall-off is not quite a polynomial, a blur not quite a Gaussian. What a cause
+changes, Δ, may be off by a share that varies slowly with the place in the image, the distance from its middle, the
+brightness and the channel; and at each pixel by a share of its own (``doubt``). Without this, what the formula of a
+strong effect leaves is taken for a second, weak effect.
+
+Kennedy, O'Hagan: Bayesian calibration of computer models. J. R. Stat. Soc. B 2001. Brynjarsdottir, O'Hagan: Learning
+about physical parameters: the importance of model discrepancy. Inverse Problems 2014.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from analysis.gap.evidence import FORM, Cause
+from analysis.gap.state import State
+from analysis.gap.terms import Field, Term
+
+SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
+OWN = 0.1  # and pixel by pixel
+
+Change = dict[str, np.ndarray]  # DN of a condition, by its name
+Modulation = Callable[[State], np.ndarray]
+
+
+def form_terms(changes: dict[Cause, Change]) -> list[Term]:
+    """Terms that the evidence never widens, for each cause of ``changes``."""
+    spike = SHARE / np.sqrt(len(MODULATIONS))
+    return [
+        Term(FORM, f"{name} {target}".strip(), word, "1", spike, _modulated(change, modulation))
+        for (name, target), change in changes.items()
+        for word, modulation in MODULATIONS.items()
+    ]
+
+
+def doubt(changes: Sequence[Change], state: State) -> np.ndarray | None:
+    """(h, w, C) DN²: what each pixel of each cause's change may be off by."""
+    own = [change[state.condition.name] for change in changes if state.condition.name in change]
+    if not own:
+        return None
+    return np.asarray(OWN**2 * np.sum([np.square(x) for x in own], axis=0), np.float32)
+
+
+def _modulated(change: Change, modulation: Modulation) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        found = change.get(s.condition.name)
+        return None if found is None else np.asarray(found * modulation(s), np.float32)
+
+    return field
+
+
+def _across(axis: int) -> Modulation:
+    def modulation(s: State) -> np.ndarray:
+        n = s.camera.sensor.resolution[axis]
+        return (2 * np.sqrt(3) * ((s.grid[axis] + 0.5) / n - 0.5))[..., None]
+
+    return modulation
+
+
+def _from_middle(s: State) -> np.ndarray:
+    w, h = s.camera.sensor.resolution
+    r2 = ((s.grid[0] + 0.5) / w - 0.5) ** 2 + ((s.grid[1] + 0.5) / h - 0.5) ** 2
+    return np.asarray(((r2 - 1 / 6) / 0.105)[..., None])  # mean and deviation over a rectangle
+
+
+def _brightness(s: State) -> np.ndarray:
+    return np.asarray(np.tanh(s.signal / max(float(s.signal.mean()), 1e-9) - 1))
+
+
+def _channel(k: int) -> Modulation:
+    def modulation(s: State) -> np.ndarray:
+        n = s.signal.shape[2]
+        unit = np.zeros(n)
+        if n == 3:
+            unit[k], unit[(k + 1) % 3] = 1.2, -1.2
+        return unit
+
+    return modulation
+
+
+MODULATIONS: dict[str, Modulation] = {
+    "to the right": _across(0),
+    "downwards": _across(1),
+    "from the middle": _from_middle,
+    "with brightness": _brightness,
+    "red against green": _channel(0),
+    "green against blue": _channel(1),
+}
