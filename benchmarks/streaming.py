@@ -60,9 +60,8 @@ def latencies(kind: str, width: int, fps: float, changes: int) -> str:
     def note(frame: Frame) -> None:
         ready.append((bool(frame.truth.pose(PART)[0, 3] == 0), time.time_ns()))
 
-    publisher.each(note)
+    publisher.each(note)  # before a transport is called
     served.start()
-    publisher._sinks.reverse()  # noted before a transport writes it
     publisher.start()
     client = subprocess.Popen(
         [sys.executable, str(CLIENTS), kind, place(kind, served)], stdout=subprocess.PIPE, text=True

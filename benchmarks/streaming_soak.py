@@ -123,10 +123,6 @@ def main() -> None:
     camera = VirtualCamera(moving, samples=1, format="Mono8", frame_rate=arguments.fps)
     publisher = Publisher(camera, arguments.frames)
     mjpeg = Mjpeg([publisher])
-    served = [mjpeg, Shm([publisher]), Rtsp([publisher])]
-    for one in served:
-        for line in one.start():
-            print(line, flush=True)
     made: dict[str, OrderedDict[int, int]] = {"jpeg": OrderedDict(), "raw": OrderedDict()}
     longest = [0.0, 0.0]  # s between frames, when the last one was
 
@@ -140,8 +136,11 @@ def main() -> None:
             while len(sums) > KEPT:
                 sums.popitem(last=False)
 
-    publisher.each(remember)
-    publisher._sinks.reverse()  # the checksum is there before a client can ask
+    publisher.each(remember)  # before a transport is called: a client cannot ask sooner
+    served = [mjpeg, Shm([publisher]), Rtsp([publisher])]
+    for one in served:
+        for line in one.start():
+            print(line, flush=True)
     url = f"{mjpeg.url}/{publisher.name}.mjpg"
     read = {"jpeg": 0, "raw": 0}
     lost, wrong, hung, stopped = {"jpeg": 0, "raw": 0}, [], [0], threading.Event()

@@ -134,6 +134,14 @@ class Client:
                 return leader, payload, block
 
 
+def frame_at(publisher, stamp_ns):
+    """The truth of the frame that was stamped so."""
+    number = publisher.truth().number
+    while (truth := publisher.truth(number)).stamp_ns != stamp_ns:
+        number -= 1
+    return truth
+
+
 def test_a_device_is_discovered_with_its_name_and_address(scene, live):
     with device(scene, live.Flat()) as served:
         status, found = Client(served.places[0]).ask(0x0002, flags=0x11)
@@ -171,9 +179,7 @@ def test_frames_are_whole_numbered_and_act_by_their_features(scene, live):
                 samples = np.frombuffer(payload, "<u2" if name == "Mono12" else np.uint8)
                 assert len(samples) == width * height * (3 if name == "RGB8" else 1)
                 assert np.ptp(samples) == 0  # of one frame alone
-                truth = next(
-                    t for t in served.devices[0].publisher._truths if t.stamp_ns == (high << 32 | low)
-                )
+                truth = frame_at(served.devices[0].publisher, high << 32 | low)
                 # full scale is 255 W m⁻² sr⁻¹ (1 ms); the first call was to prepare, a second the device's
                 scale = 10 ** (gain / 20) * (4095 / 255 if name == "Mono12" else 1)
                 expected = min(live.level(truth.number + 2) * scale, 4095 if name == "Mono12" else 255)
