@@ -46,7 +46,7 @@ class Background:
             )
         correlation = self.covariance / np.outer(scale, scale)
         least = float(np.linalg.eigvalsh(correlation)[0])
-        if least < 1e-10 * len(scale):
+        if least < 1e-8 * len(scale):  # products of single precision leave less than that of what is 0
             raise BrightfieldError(
                 f"The covariance of {len(scale)} images must have an inverse; its least eigenvalue is {least:.1e} of a "
                 "unit variance: images repeat each other, or pixels are too few. Take the estimator shrunk, or fewer "
