@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.blind.bench import Bench, Matter, Part
 from benchmarks.blind.chain import Cause
-from benchmarks.blind.errors import smooth_field, turned_eye
+from benchmarks.blind.errors import turned_eye
 from benchmarks.blind.solids import box
 
 
@@ -167,6 +167,3 @@ def changed(bench: Bench, causes: tuple[Cause, ...] | list[Cause]) -> Bench:
         if c.form in RENDERED and c.amplitude:
             bench = RENDERED[c.form](bench, c)
     return bench
-
-
-__all__ = ["RENDERED", "changed", "smooth_field"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.blind import chain, proposals, sealing, severity, strata, truth
+from benchmarks.blind import chain, proposals, sealing, severity, strata, tracing, truth
 from benchmarks.blind.chain import Cause, Frame
 from benchmarks.blind.errors import Tolerances, disturbed, draw
 from benchmarks.blind.picture import write_png
@@ -259,6 +259,35 @@ def test_captures_have_the_noise_of_their_electrons():
         [truth.capture(setup, [noisy], bench.shots[0], mean, rng).astype(float) for _ in range(24)]
     )
     assert more.var(axis=0, ddof=1).mean() == pytest.approx(K**2 * (4000 + 37.0**2) + 1 / 12, rel=0.02)
+
+
+def test_a_beam_dims_light_off_the_axis_as_it_says():
+    lamp = replace(
+        scene("plate").lamps[0], position=(0.0, 0.0, 300.0), beam=(0.3, 0.0), axis=(0.0, 0.0, -1.0)
+    )
+    at = np.array([[[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]])  # below, and at 45 degrees
+    found = {"direct": np.ones((1, 2, 3)), "indirect": np.ones((1, 2, 3))}
+    shaped = truth._shaped(found, {"position": at}, lamp)
+    slant = 1 + 0.3 * (np.sqrt(0.5) - 1)
+    assert np.allclose(shaped["direct"][0, :, 0], [1.0, slant], atol=1e-6)
+    assert np.allclose(shaped["indirect"], (1 + slant) / 2, atol=1e-6)
+
+
+def test_the_engine_lights_a_matte_plate_as_the_inverse_square_law_says(tmp_path: Path):
+    pytest.importorskip("mitsuba")
+    bench = scene("plate", (24, 18))
+    lamp, q = bench.lamps[0], Quality(16, 1, 0)
+    found = tracing.layer(bench, bench.eyes[0], 0, lamp, q, 0, tmp_path)
+    p = tracing.guide(bench, bench.eyes[0], 0, q, tmp_path)["position"]
+    d = np.array(lamp.position) / 1e3 - p
+    r = np.linalg.norm(d, axis=-1, keepdims=True)
+    law = np.array(bench.matters[0].diffuse) / np.pi * lamp.intensity / 4 * d[..., 2:] / r**3
+    # a pixel of 5 mm, 16 samples, and a lamp whose solid angle single precision knows to 0.1 %
+    assert np.abs(found["direct"] / law - 1).max() < 5e-3
+    assert abs(np.mean(found["direct"] / law) - 1) < 1e-3
+    assert np.abs(found["indirect"]).max() < 1e-3 * law.max()
+    again = tracing.layer(bench, bench.eyes[0], 0, lamp, q, 0, tmp_path)
+    assert np.array_equal(again["direct"], found["direct"])
 
 
 def test_labels_are_sealed_and_opened_once(tmp_path: Path):
