@@ -28,7 +28,7 @@ from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
-STARTS, ROUNDS = 2, 3
+STARTS, ROUNDS = 4, 3
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -130,17 +130,12 @@ def fit(
 
 
 def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """The best, the best without what it has, and the best single cause that neither has."""
+    """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best has."""
     found = [hypotheses[0]]
-    for size in (None, 1):
-        taken = {c for h in found for c in h.causes}
-        rest = (
-            h for h in hypotheses
-            if h.causes and not taken & set(h.causes) and (size is None or len(h.causes) == size)
-        )  # fmt: skip
-        other = next(rest, None)
-        if other is not None:
-            found.append(other)
+    for size in (2, 1):
+        found += [h for h in hypotheses if len(h.causes) == size and h not in found][:1]
+    taken = set(hypotheses[0].causes)
+    found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
     return found
 
 

@@ -1,11 +1,11 @@
 """Families without a cause, which compete with the effects on equal terms, so that the unknown is named as unknown.
 
-Each says what the gap is fixed to: the image (smooth, or in places), its rows or columns, the surface, a lamp's light
-on the surface, a capture, a mirrored copy, or how bright the surroundings are.
+Each says what the gap is fixed to: the image (smooth, in places, or in stripes), the surface, a lamp's light on the
+surface, a capture, a mirrored copy, how bright the surroundings are, or edges.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -25,7 +25,8 @@ AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 
 FACTOR, OFFSET = "fixed to the image, multiplicative", "fixed to the image, additive"
 SPOT, GLOW = "fixed to places of the image, multiplicative", "fixed to places of the image, additive"
-ROWS, COLUMNS = "fixed to the image's rows", "fixed to the image's columns"
+WAVES = "stripes fixed to the image"
+SHARP = "edges sharper than the lens gives them"
 SURFACE, PATCH, EXTRA = (
     "fixed to the surface",
     "fixed to places of the surface",
@@ -51,9 +52,10 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     for way, axes in (("turned by 180 degrees", (0, 1)), ("left to right", (1,)), ("top to bottom", (0,))):
         terms.append(_term(MIRROR, "", way, t.flat_field / 6, _mirrored(axes)))
     terms.append(_term(SURROUNDINGS, "", "gain", t.flat_field / 6, _surroundings))
+    terms.append(replace(_term(SHARP, "", "gain", t.flat_field / 2, _sharper), low=0.0))
     terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 2, _capture(c.name)) for c in conditions]
     for camera in cameras:
-        terms += _stripes(camera, conditions, t.flat_field / 6)
+        terms += _waves(camera, conditions, t.flat_field / 6)
     return [*terms, *_places(cameras, conditions)]
 
 
@@ -117,6 +119,11 @@ def _surroundings(s: State) -> np.ndarray:
     whole = np.ascontiguousarray(s.simulation.dn - s.simulation.black, np.float32)
     wide = cv2.GaussianBlur(whole, (0, 0), AROUND * whole.shape[1]).reshape(whole.shape)
     return s.signal * (s.take(wide) / max(float(whole.mean()), 1e-9) - 1)
+
+
+def _sharper(s: State) -> np.ndarray:
+    whole = np.ascontiguousarray(s.simulation.dn, np.float32)
+    return s.take(whole - cv2.GaussianBlur(whole, (0, 0), 1.0).reshape(whole.shape))
 
 
 def _capture(name: str) -> Field:
@@ -193,46 +200,50 @@ def _quarters(name: str) -> Cells:
     return cells
 
 
-def _stripes(camera: str, conditions: Sequence[Condition], spike: float) -> list[Term]:
-    """Waves along rows and along columns at the frequencies where what the captures have beyond the simulation, over
-    the signal, is strongest: ``ways`` counts those that were looked at."""
+def _waves(camera: str, conditions: Sequence[Condition], spike: float) -> list[Term]:
+    """Waves over the image at the frequencies where what the captures have beyond the simulation, over the signal, is
+    strongest: ``ways`` counts those that were looked at."""
     own = [c for c in conditions if c.camera.name == camera]
+    h, w, channels = own[0].mean.shape
+    numerator, denominator = np.zeros((h, w, channels)), np.zeros((h, w, channels))
+    for c in own:
+        model = c.simulated()
+        s = np.where(c.compared[..., None], np.maximum(model.dn - model.black, 0), 0).astype(np.float64)
+        dy, dx = np.gradient(model.dn, axis=(0, 1))
+        weight = 1 / np.maximum(model.variance + (0.01 * s) ** 2 + 0.1 * (dx**2 + dy**2), 1e-12)
+        numerator += weight * s * np.where(s > 0, c.mean - model.dn, 0)
+        denominator += weight * s * s
+    # what a wave of each frequency explains; what goes with the signal alone would leak from frequency 0
+    numerator -= numerator.sum(axis=(0, 1)) / np.maximum(denominator.sum(axis=(0, 1)), 1e-30) * denominator
+    window = np.hanning(h)[:, None, None] * np.hanning(w)[:, None]
+    spectrum = np.fft.rfft2(numerator * window, axes=(0, 1))
+    power = (np.abs(spectrum) ** 2).sum(axis=2)
+    fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
+    cycles = np.hypot(fy * h, fx * w)
+    power[cycles < ORDER + 2] = 0  # slower waves are smooth
+    peak = power >= cv2.dilate(power, np.ones((3, 3)))
     terms = []
-    for axis, cause in ((0, ROWS), (1, COLUMNS)):
-        n = own[0].mean.shape[axis]
-        numerator, denominator = np.zeros(n), np.zeros(n)
-        for c in own:
-            model = c.simulated()
-            ok = c.compared[..., None]
-            s = np.where(ok, np.maximum(model.dn - model.black, 0), 0).astype(np.float64)
-            w = 1 / np.maximum(model.variance + (0.01 * s) ** 2, 1e-12)
-            along = (1 - axis, 2)
-            numerator += (w * s * np.where(ok, c.mean - model.dn, 0)).sum(axis=along)
-            denominator += (w * s * s).sum(axis=along)
-        profile = np.divide(numerator, denominator, out=np.zeros(n), where=denominator > 0)
-        power = np.abs(np.fft.rfft((profile - profile.mean()) * np.hanning(n)))
-        first = ORDER + 2  # slower waves are smooth
-        inner = power[first:-1]
-        peaks = [
-            k + first
-            for k in np.argsort(-inner)
-            if power[k + first] >= max(power[k + first - 1], power[k + first + 1])
-        ][:PERIODS]
-        for k in peaks:
-            for phase, word in ((0.0, "cos"), (0.5, "sin")):
+    for k in np.argsort(-np.where(peak, power, 0), axis=None)[:PERIODS]:
+        j, i = np.unravel_index(k, power.shape)
+        u, v = float(fx[0, i]), float(fy[j, 0])
+        angle = np.degrees(np.arctan2(v, u)) % 180
+        name = f"{camera} period {1 / np.hypot(u, v):.1f} px at {angle:.0f} degrees"
+        for phase, word in ((0.0, "cos"), (0.5, "sin")):
+            for channel in range(channels):
                 terms.append(
-                    Term(cause, f"{camera} period {n / k:.1f} px", word, "1", spike,
-                         _wave(camera, axis, k / n, phase), True, generic=True, ways=len(inner) // PERIODS)
+                    Term(WAVES, name, f"{word} {channel}", "1", spike, _wave(camera, u, v, phase, channel), True,
+                         generic=True, ways=int((power > 0).sum()) // PERIODS)
                 )  # fmt: skip
     return terms
 
 
-def _wave(camera: str, axis: int, frequency: float, phase: float) -> Field:
+def _wave(camera: str, u: float, v: float, phase: float, channel: int) -> Field:
     def field(s: State) -> np.ndarray | None:
         if s.camera.name != camera:
             return None
-        along = s.grid[1 - axis]
-        wave = np.cos(2 * np.pi * frequency * along - np.pi * phase).astype(np.float32)
-        return s.signal * wave[..., None]
+        wave = np.cos(2 * np.pi * (u * s.grid[0] + v * s.grid[1]) - np.pi * phase).astype(np.float32)
+        out = np.zeros_like(s.signal)
+        out[..., channel] = s.signal[..., channel] * wave
+        return out
 
     return field
