@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 LEAST = 480  # px: smaller pictures are enlarged
-LARGE = 400_000  # bytes from which a picture is a JPEG
+LARGE = 120_000  # bytes from which a picture is a JPEG
 
 STYLE = """
 .ab{margin:10px 0 4px}.ab .stage{position:relative;width:100%;max-width:760px;background:#000;line-height:0;
