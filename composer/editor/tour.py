@@ -24,7 +24,7 @@ from interchange.brdf.lafortune import Lafortune
 from interchange.problems import BrightfieldError
 
 PART = "cad/featuretype.STEP"
-SCREEN = (1600, 960)
+LARGE, SMALL = (1600, 960), (1200, 760)
 
 
 def steps(robot: Robot, part: Path, out: Path) -> None:
@@ -194,7 +194,7 @@ def drive(assets: Path, out: Path, with_pictures: bool) -> int:
         app.state.quit = True
 
     threading.Thread(target=run, name="robot", daemon=True).start()
-    app.run(SCREEN)
+    app.run(LARGE if with_pictures else SMALL)
     for text in failed:
         print(text, file=sys.stderr)
     return 1 if failed else 0
@@ -214,7 +214,7 @@ def main() -> int:
     if missing():
         raise BrightfieldError(f"The tour needs {' and '.join(missing())}: apt install xvfb xdotool.")
     began = time.perf_counter()
-    with screen(*SCREEN) as display:
+    with screen(*(LARGE if args.pictures else SMALL)) as display:
         words = [sys.executable, "-m", "composer.editor.tour", *sys.argv[1:], "--here"]
         status = subprocess.run(words, env={**os.environ, "DISPLAY": display}).returncode
     print(f"{'done' if status == 0 else 'failed'} in {time.perf_counter() - began:.0f} s")

@@ -84,7 +84,7 @@ class CameraView:
         return cameras[names.index(self.camera)]
 
     def _bar(self, camera: Camera) -> None:
-        imgui.set_next_item_width(98)
+        imgui.set_next_item_width(92)
         if imgui.begin_combo("##camera", camera.name.rsplit("/", 1)[-1]):
             for each in self.state.scene.cameras:
                 if imgui.selectable(each.name.rsplit("/", 1)[-1], each.name == camera.name)[0]:
@@ -126,9 +126,12 @@ class CameraView:
             if imgui.is_item_hovered():
                 imgui.set_tooltip("Render this view by path tracing, in a process of its own")
             imgui.same_line(0, 2)
-            imgui.set_next_item_width(58)
-            changed, index = imgui.combo("##samples", SAMPLES.index(self.samples), [str(n) for n in SAMPLES])
-            self.samples = SAMPLES[index] if changed else self.samples
+            imgui.set_next_item_width(44)
+            if imgui.begin_combo("##samples", str(self.samples), imgui.ComboFlags_.no_arrow_button):
+                for count in SAMPLES:
+                    if imgui.selectable(str(count), count == self.samples)[0]:
+                        self.samples = count
+                imgui.end_combo()
             if imgui.is_item_hovered():
                 imgui.set_tooltip("Light paths a pixel")
         if self.offline is not None:

@@ -66,7 +66,7 @@ class Properties:
         pose = state.workspace.pose(path)
         if state.dragged is not None and path in state.dragged.paths:
             pose = state.dragged.by @ pose
-        position, degrees, scale = split(pose)
+        position, degrees, scale = (np.round(v, 9) + 0.0 for v in split(pose))  # no -0.000
         if _begin_rows("transform"):
             new = self._row3("Position", "mm", position * 1e3, 0.2, "%.3f", path, "position")
             if new is not None:
