@@ -90,7 +90,6 @@ def corners(picture: np.ndarray) -> np.ndarray | None:
     """(4, 2) px, counter-clockwise; each the meeting of two lines fitted to points on the edges of the plate."""
     smooth = cv2.GaussianBlur(picture, (0, 0), 1.0)
     _, mask = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    level = (np.median(smooth[mask > 0]) + np.median(smooth[mask == 0])) / 2  # half way: where the edge is
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=cv2.contourArea, default=None)
     if outline is None or cv2.contourArea(outline) < 400:
@@ -101,13 +100,14 @@ def corners(picture: np.ndarray) -> np.ndarray | None:
         return None
     if np.cross(rough[1] - rough[0], rough[2] - rough[0]) > 0:
         rough = rough[::-1]
-    lines = [edge(smooth.astype(np.float32), rough[k], rough[(k + 1) % 4], level) for k in range(4)]
+    lines = [edge(smooth.astype(np.float32), rough[k], rough[(k + 1) % 4]) for k in range(4)]
     met = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
     return np.array([p[:2] / p[2] for p in met])
 
 
-def edge(picture: np.ndarray, a: np.ndarray, b: np.ndarray, level: float) -> np.ndarray:
-    """The line (a, b, c) through the places, across the way from a to b, at which the picture passes ``level``."""
+def edge(picture: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The line (a, b, c) through the places, across the way from a to b, at which the picture is half way between
+    what lies on both sides there."""
     along = (b - a) / np.linalg.norm(b - a)
     across = np.array([-along[1], along[0]])
     share = np.linspace(0.15, 0.85, 40)[:, None, None]
@@ -116,14 +116,14 @@ def edge(picture: np.ndarray, a: np.ndarray, b: np.ndarray, level: float) -> np.
     values = cv2.remap(
         picture, places[..., 0].astype(np.float32), places[..., 1].astype(np.float32), cv2.INTER_LINEAR
     )
-    above = values > level
+    values -= (values[:, :1] + values[:, -1:]) / 2
     found = []
-    for k in range(len(values)):
-        change = np.flatnonzero(above[k, 1:] != above[k, :-1])
+    for k, row in enumerate(values):
+        change = np.flatnonzero((row[1:] > 0) != (row[:-1] > 0))
         if len(change) == 1:
             i = change[0]
-            part = (level - values[k, i]) / (values[k, i + 1] - values[k, i])
-            found.append(a + share[k, 0] * (b - a) + (steps[i] + 0.25 * part) * across)
+            place = steps[i] + 0.25 * row[i] / (row[i] - row[i + 1])
+            found.append(a + share[k, 0] * (b - a) + place * across)
     vx, vy, x, y = cv2.fitLine(np.array(found, np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01).ravel()
     return np.array([vy, -vx, vx * y - vy * x])
 
