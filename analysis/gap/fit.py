@@ -29,6 +29,7 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 STARTS, ROUNDS = 4, 3
+SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -124,6 +125,8 @@ def fit(
         gain = first.best.score - none.score
         starts = _starts(first.hypotheses)[: STARTS if gain > WORTH else 1]
         for k, start in enumerate(starts):
+            if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
+                continue  # another start came here
             stands.append(_followed(conditions, terms, first, start, stride, told, f"fit {k + 1}"))
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
     return _fit(terms, chosen)
@@ -161,8 +164,9 @@ def _followed(
         best = stand.best
         theta = stand.evidence.theta(best)[:q]
         if best.causes == before.causes:
-            moved = np.abs(theta - theta_before) / stand.evidence.spike[:q]
-            if not any(moved[i].max() > 1.0 for i in members.values()):
+            moved = np.abs(theta - theta_before)
+            near = np.maximum(stand.evidence.spike[:q], SETTLED * np.abs(theta))
+            if not any((moved[i] > near[i]).any() for i in members.values()):
                 break
     return stand
 

@@ -68,10 +68,10 @@ class Effect:
 
     @property
     def is_there(self) -> bool:
-        return self.always or any(
-            getattr(self, f.name) != getattr(type(self)(), f.name)
-            for f in fields(self)  # type: ignore[arg-type]
-        )
+        return self.always or self._values() != _default(type(self))._values()
+
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         """The image after the effect. Without ``rng``: its mean over many frames."""
@@ -110,8 +110,17 @@ class Effect:
 
     def on(self, camera: Camera) -> Camera:
         """The camera that has this effect, as far as a camera can carry it."""
+        new: dict[str, dict[str, Any]] = {}
         for name, path in self.carried_by.items():
-            camera = _set(camera, path, getattr(self, name))
+            part, field, *index = path.split(".")
+            value = getattr(self, name)
+            if index:
+                numbers = list(new.get(part, {}).get(field, getattr(getattr(camera, part), field)))
+                numbers[int(index[0])] = value
+                value = tuple(numbers)
+            new.setdefault(part, {})[field] = value
+        if new:
+            camera = replace(camera, **{p: replace(getattr(camera, p), **v) for p, v in new.items()})
         return camera
 
 
@@ -126,11 +135,12 @@ def _get(camera: Camera, path: str) -> Any:
     return value[int(index[0])] if index else value
 
 
-def _set(camera: Camera, path: str, value: Any) -> Camera:
-    part, name, *index = path.split(".")
-    record = getattr(camera, part)
-    if index:
-        numbers = list(getattr(record, name))
-        numbers[int(index[0])] = value
-        value = tuple(numbers)
-    return replace(camera, **{part: replace(record, **{name: value})})
+_DEFAULTS: dict[str, Any] = {}
+
+
+def _default(model: Any) -> Any:
+    """What is not there, made once."""
+    key = f"{model.__module__}.{model.__qualname__}"
+    if key not in _DEFAULTS:
+        _DEFAULTS[key] = model()
+    return _DEFAULTS[key]

@@ -1,4 +1,4 @@
-"""What no effect of the catalogue explains is named as unknown, with what it is fixed to; and nothing is blamed for it."""
+"""What no effect explains is named as unknown, with what it is fixed to; and nothing is blamed for it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import pytest
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.fit import Fit, fit
 from analysis.gap.generic_terms import SPOT, WAVES, generic_terms
-from analysis.gap.normal_equations import equations
+from analysis.gap.normal_equations import BLOCK, equations, variance
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
 from analysis.gap.state import State
@@ -89,7 +89,7 @@ def test_a_spot_on_the_lens_is_unknown_and_nothing_is_blamed(fitted: Fitted) -> 
     assert SPOT in probability
     named = [t.cause for t in found.terms if not t.generic]
     assert not set(probability) & set(named)
-    index = [i for i in found.evidence.members[SPOT, "/World/Camera0"]]
+    index = list(found.evidence.members[SPOT, "/World/Camera0"])
     darkest = found.terms[index[int(np.argmin(found.theta[index]))]].parameter
     right, down = (float(x.split("%")[0]) for x in darkest.split(","))
     assert right == pytest.approx(100 * 70 / WIDTH, abs=9)  # a place is 8 x 11 % of the image
@@ -112,8 +112,6 @@ def test_places_add_up_as_terms_with_fields_do(document: Document, shown: list[R
     X = np.array([added(state, terms, e)[mask].reshape(-1) for e in np.eye(len(terms))])
     whole = equations(state, [], np.zeros(0))
     assert found.rr == pytest.approx(whole.rr, rel=1e-6)
-    from analysis.gap.normal_equations import BLOCK, variance
-
     w = 1 / variance(state)[mask].reshape(-1).astype(np.float64)
     G = (X * w) @ X.T / (BLOCK**2 / 4)
     assert found.G == pytest.approx(G, rel=1e-4, abs=1e-6 * G.max())  # single precision
