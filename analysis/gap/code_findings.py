@@ -1,11 +1,13 @@
 """Effects that show in which DN occur, and where: fewer bits than claimed, a lower full well, compression by blocks."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.expected import noise_variance
 from analysis.gap.noise_finding import NoiseFinding, Number, certainty
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.image import Image
@@ -95,17 +97,34 @@ def flat_top(conditions: Sequence[Condition], simulations: Sequence[np.ndarray])
     level = max(float(c.captures[0].pixels[c.mask].max()) for c in conditions if c.mask.any())
     if level >= top:
         return None
-    at, below, brighter = 0, np.zeros(12), 0.0
+    at, below, brighter = 0, np.zeros(12), 0
+    surely = 1.02 * level + 3 * float(np.sqrt(noise_variance(np.array([level]), conditions[0].camera)[0][0]))
     for c, simulation in zip(conditions, simulations, strict=True):
         for capture in c.captures:
             values = capture.pixels[c.mask]
             here = values >= level
             at += int(here.sum())
-            brighter += float((simulation[c.mask][here] > level - 0.5).sum())
+            brighter += int((simulation[c.mask][here] > surely).sum())
             below += np.array([((values >= level - k - 1) & (values < level - k)).sum() for k in range(12)])
-    if at < LEAST_CUT or at < SPIKE * max(float(below.mean()), 1.0) or brighter < 0.8 * at:
+    if at < LEAST_CUT or at < SPIKE * max(float(below.mean()), 1.0) or brighter < max(LEAST_CUT, 0.3 * at):
         return None
     return level, at
+
+
+def without_flat_tops(conditions: Sequence[Condition]) -> list[Condition]:
+    """The conditions without the pixels, and their neighbours within 3 px, at which a camera's images are cut off."""
+    cut: dict[str, float | None] = {}
+    for camera in dict.fromkeys(c.camera.name for c in conditions):
+        own = [c for c in conditions if c.camera.name == camera and c.captures[0].bits]
+        told = flat_top(own, [c.simulated().dn for c in own]) if own else None
+        cut[camera] = None if told is None else told[0]
+    return [c if (level := cut[c.camera.name]) is None else _below(c, level) for c in conditions]
+
+
+def _below(c: Condition, level: float) -> Condition:
+    hot = np.any([x.pixels.max(axis=2) >= level for x in c.captures], axis=0)
+    wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    return replace(c, mask=c.mask & ~wide)
 
 
 def jpeg(conditions: Sequence[Condition]) -> NoiseFinding:

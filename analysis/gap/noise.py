@@ -10,7 +10,6 @@ EMVA Standard 1288, release 4.0 Linear, 2021, section 6.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +23,6 @@ from interchange.parameter import parameters
 
 GAIN, READ = 0.03, 0.1  # relative errors of gain and read noise that a data sheet leaves
 LEAST_READ = 0.5  # e-, error of a read noise that is small
-SPIKE = 0.03  # relative error of the variance that a data sheet leaves
 LEVELS = 24  # of brightness that variances are put together by
 
 
@@ -91,46 +89,3 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
         (float(light[i].mean()), float(still[i].mean()), float(measured[i].mean()), degrees * len(i))
         for i in parts
     ]
-
-
-@dataclass(frozen=True)
-class NoiseFit:
-    """``ratio``: measured variance over the model's; ``read_noise`` e- and its σ, given the model's K."""
-
-    ratio: float
-    ratio_sigma: float
-    read_noise: float
-    read_noise_sigma: float
-    probability: float
-
-
-def noise_fit(conditions: Sequence[Condition]) -> NoiseFit | None:
-    """None without repeats. Electrons are the mean of the repeats themselves, so that no other effect matters."""
-    x, y, n = [], [], []
-    for c in conditions:
-        if c.spread is None:
-            continue
-        s = c.camera.sensor
-        ok = c.usable(c.simulated())
-        electrons = ((c.mean[ok] - s.black_level) / s.K).reshape(-1)
-        measured = c.spread[ok].reshape(-1) / s.K**2 - 1 / 12 / s.K**2
-        order = np.array_split(np.argsort(electrons), LEVELS)
-        x += [float(electrons[i].mean()) for i in order if len(i)]
-        y += [float(measured[i].mean()) for i in order if len(i)]
-        n += [(len(c.captures) - 1) * len(i) for i in order if len(i)]
-        read = s.read_noise
-    if not x:
-        return None
-    mu, variance, count = np.maximum(x, 0), np.array(y), np.array(n, float)
-    model = mu + read**2
-    sd = np.maximum(model, 1.0) * np.sqrt(2 / count)
-    ratio = float(np.sum(variance * model / sd**2) / np.sum(model**2 / sd**2))
-    ratio_sigma = float(1 / np.sqrt(np.sum(model**2 / sd**2)))
-    extra = float(np.sum((variance - mu) / sd**2) / np.sum(1 / sd**2))
-    extra_sigma = float(1 / np.sqrt(np.sum(1 / sd**2)))
-    found = float(np.sqrt(max(extra, 0.0)))
-    # spike and slab on the ratio: as far off as a data sheet may be, or by anything up to a half
-    narrow, wide = (np.hypot(w, ratio_sigma) for w in (SPIKE, 0.5))
-    z = [-0.5 * ((ratio - 1) / w) ** 2 - np.log(w) for w in (narrow, wide)]
-    probability = float(1 / (1 + np.exp(np.clip(z[0] - z[1] + np.log(9.0), -700, 700))))
-    return NoiseFit(ratio, ratio_sigma, found, extra_sigma / max(2 * found, 1e-3), probability)

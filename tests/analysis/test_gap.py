@@ -15,7 +15,6 @@ from analysis.gap.expected import mean_dn, noise_variance
 from analysis.gap.fit import Model
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.light_terms import light_terms
-from analysis.gap.noise import noise_fit
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
@@ -285,26 +284,6 @@ def test_a_correction_of_the_chain_equals_its_effect(vignetting: Diagnosed) -> N
     values = [p.value for p in vignetting.diagnosis.effects[0].parameters.values()]
     expected = condition.simulated([Vignetting(*values)]).dn
     assert Model(fitted.terms, theta, theta).simulated(condition) == pytest.approx(expected, abs=1e-2)
-
-
-def test_read_noise_is_judged_on_repeats(folder: Path, document: Document, truth: list[Rendered]) -> None:
-    """112 x 84 x 3 px of two frames: the variance is known to 2 / sqrt(2 · 30,000) = 0.8 %."""
-    captures = _capture(folder, document, truth, "noise", ())
-    found = [
-        replace(c, rendered=r)
-        for c, r in zip(conditions(captures, document), _of(document, truth), strict=True)
-    ]
-    told = noise_fit(found)
-    assert told is not None
-    assert told.ratio == pytest.approx(1, abs=0.03)
-    assert told.probability < 0.2
-    quiet = [
-        replace(c, camera=replace(c.camera, sensor=replace(c.camera.sensor, read_noise=0.0))) for c in found
-    ]
-    loud = [replace(c, spread=None if c.spread is None else 3 * c.spread) for c in found]
-    assert noise_fit(loud).probability > 0.9  # type: ignore[union-attr]
-    assert noise_fit(quiet).read_noise == pytest.approx(7, abs=3)  # type: ignore[union-attr]
-    assert noise_fit([replace(c, spread=None) for c in found]) is None
 
 
 def _of(document: Document, truth: list[Rendered]) -> list[Rendered]:

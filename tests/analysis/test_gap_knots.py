@@ -20,6 +20,7 @@ from analysis.gap.state import State
 from analysis.gap.terms import Term
 from interchange.camera import Camera
 from interchange.captures import Tolerances
+from interchange.effects import MODELS
 from interchange.effects.anisotropy import Anisotropy
 from interchange.effects.base import Effect
 from interchange.effects.geometry import Geometry
@@ -34,6 +35,7 @@ from interchange.formats import captures as captures_file
 from interchange.formats import images
 from interchange.formats.document import open_scene
 from interchange.image import Image
+from interchange.parameter import parameters
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
 
@@ -221,3 +223,18 @@ def test_rows_that_are_late_lean(found: list[Condition]) -> None:
         replace(c, camera=replace(c.camera, sensor=replace(c.camera.sensor, line_time=1e-5))) for c in found
     ]
     assert not [t for t in geometry_terms(late, Tolerances()) if t.cause == "rolling_shutter"]
+
+
+def test_terms_are_parameters_of_their_effects_files(found: list[Condition], knots: Knots) -> None:
+    """Under the same names and in the same units; without a line time a row's lateness has px a row."""
+    told = Tolerances()
+    terms = [
+        *geometry_terms(found, told),
+        *light_terms(found, told),
+        *material_terms(found, told),
+        *knot_terms(found, told, knots),
+    ]
+    for term in (t for t in terms if not t.generic):
+        about = parameters(MODELS[term.cause])[term.parameter]
+        assert term.unit == about.unit or term.cause == "rolling_shutter"
+        assert term.start == getattr(MODELS[term.cause](), term.parameter)

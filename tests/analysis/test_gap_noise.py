@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation
+from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.noise import noise_findings, sensor_noise
@@ -134,6 +134,10 @@ def test_a_lower_full_well_cuts_the_histogram() -> None:
     level, pixels = flat_top(cut, said) or (0, 0)
     assert level == 2400
     assert pixels > 1000
+    for kept, c in zip(without_flat_tops(cut), cut, strict=True):
+        assert not (kept.mask & (c.mean.max(axis=2) >= 2400)).any()
+        assert kept.mask.any()
+    assert [c.mask.all() for c in without_flat_tops(found)] == [True] * 3
     told = saturation(cut, said)
     assert told is not None
     assert told.probability > 0.95
@@ -171,3 +175,9 @@ def test_probability_is_the_ratio_of_marginal_likelihoods() -> None:
     """One number known exactly: at 0 the odds are those of the priors' heights times the prior's."""
     p = probability(np.zeros(1), np.zeros((1, 1)), np.array([0.01]), np.array([0.5]), prior=0.1)
     assert p / (1 - p) == pytest.approx((0.1 / 0.9) * 0.01 / 0.5)
+
+
+def test_noise_needs_repeats() -> None:
+    found, said = _rig(0, repeats=1)
+    assert sensor_noise(found, said) is None
+    assert fixed_pattern(found, said) is not None
