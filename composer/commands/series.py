@@ -156,8 +156,8 @@ def _lightings(args: argparse.Namespace, at: np.ndarray) -> Any:
         raise BrightfieldError("--azimuths and --polar must be 1 or more.")
     if args.lamps == "reflector":
         return lightings.reflector(ReflectorDevice(world_from_device=pose), args.azimuths, args.polar)
-    theta = np.radians(np.linspace(*(args.polar_range or (15.0, 75.0)), args.polar))
-    angles = lightings.hemisphere(theta, args.azimuths)
+    low, high = args.polar_range or (15.0, 75.0)
+    angles = lightings.hemisphere(np.radians(np.linspace(low, high, args.polar)), args.azimuths)
     if args.lamps == "dome":
         return lightings.dome(angles, args.radius * 1e-3, at=at)
     return lightings.distant(angles)

@@ -1,7 +1,7 @@
 """Figures 8 to 11 of Gruna, Irgenfried: Reflectance modeling in machine vision. 2012, from renders of our own
 specimens; and normals and a fused image of the coin.
 
-    python -m composer.gallery.series [--out docs/series] [--size 144] [--keep FOLDER]
+    python -m composer.gallery.series [--out docs/series] [--size 128] [--keep FOLDER]
 """
 
 import argparse
@@ -263,7 +263,7 @@ def normals_and_fusion(shown: Shown, path: Path) -> float:
 
 
 def make(
-    out: Path, keep: Path, size: int = 144, azimuths: int = 24, polar: int = 6, samples: int = 4
+    out: Path, keep: Path, size: int = 128, azimuths: int = 24, polar: int = 6, samples: int = 4
 ) -> dict[str, float]:
     """All figures into ``out``; ``keep``: where captures lie. Returns numbers that stand in them."""
     out.mkdir(parents=True, exist_ok=True)
@@ -293,7 +293,7 @@ def _save(figure: Figure, path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/series"))
-    parser.add_argument("--size", type=int, default=144, help="px of a specimen's side")
+    parser.add_argument("--size", type=int, default=128, help="px of a specimen's side")
     parser.add_argument("--keep", type=Path, help="where captures stay")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
