@@ -62,9 +62,9 @@ def measure(file: Path, size: tuple[int, int], frames: int) -> None:
                 f"first picture after {time.time() - START:.2f} s, {time.process_time():.2f} CPU s",
                 flush=True,
             )
-        if shown.frames > 15:
+        if shown.frames > 6:
             shown.state.orbit = shown.state.orbit.turned(0.03, 0.0)
-        shown.state.quit = shown.frames > 25 + frames
+        shown.state.quit = shown.frames > 12 + frames
 
     window.EACH_FRAME.append(each)
     app.run(size)

@@ -24,10 +24,21 @@ def missing() -> list[str]:
 
 @contextmanager
 def screen(width: int, height: int) -> Iterator[str]:
-    """A screen without a monitor; gives the value of DISPLAY. BrightfieldError where Xvfb does not start."""
+    """A screen without a monitor, whose keys do not repeat; gives the value of DISPLAY. BrightfieldError where Xvfb does
+    not start."""
     reading, writing = os.pipe()
     process = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"],
+        [
+            "Xvfb",
+            "-displayfd",
+            str(writing),
+            "-screen",
+            "0",
+            f"{width}x{height}x24",
+            "-nolisten",
+            "tcp",
+            "-r",
+        ],
         pass_fds=[writing],
         stderr=subprocess.DEVNULL,
     )
