@@ -99,6 +99,7 @@ class Client:
 
     def control(self):
         assert self.write(CCP, 2) == 0
+        assert self.write(HEARTBEAT, 60_000) == 0  # ms: a busy machine may keep a test waiting
         assert self.write(DESTINATION, struct.unpack(">I", socket.inet_aton("127.0.0.1"))[0]) == 0
         assert self.write(PORT, self.stream.getsockname()[1]) == 0
         return self
@@ -314,7 +315,8 @@ class Aravis:
         function.restype = result
         error = Pointer()
         got = function(*arguments, *([ctypes.byref(error)] if fails else []))
-        assert not error.value, f"{name} failed"
+        if error.value:  # struct GError: domain, code, message
+            pytest.fail(f"{name}: {ctypes.c_char_p.from_address(error.value + 8).value.decode()}")
         return got
 
 
@@ -323,7 +325,7 @@ def test_aravis_finds_two_cameras_sets_their_features_and_reads_them(empty, live
     sensor = replace(live.UNIT, bit_depth=12)
     cameras = tuple(live.camera_above(n, sensor) for n in ("/World/Top", "/World/Side"))
     try:
-        served = device(replace(empty, cameras=cameras), live.Flat(), Gige.port, frame_rate=50)
+        served = device(replace(empty, cameras=cameras), live.Flat(), Gige.port, frame_rate=10)
         transport = served.__enter__()
     except BrightfieldError as error:
         pytest.skip(f"the port of GigE Vision is taken on this machine: {error}")
@@ -341,11 +343,11 @@ def test_aravis_finds_two_cameras_sets_their_features_and_reads_them(empty, live
         arv.call("arv_camera_set_region", None, camera, 0, 0, 32, 16)
         arv.call("arv_camera_set_exposure_time", None, camera, 2000.0)
         arv.call("arv_camera_set_gain", None, camera, 6.0)
-        arv.call("arv_camera_set_frame_rate", None, camera, 40.0)
+        arv.call("arv_camera_set_frame_rate", None, camera, 20.0)
         arv.call("arv_camera_set_chunk_mode", None, camera, 1)
         settings = target.camera.settings
         assert (settings.format.name, settings.region) == ("Mono12", (0, 0, 32, 16))
-        assert (settings.t_exp, settings.gain_dB, settings.frame_rate) == (0.002, 6.0, 40.0)
+        assert (settings.t_exp, settings.gain_dB, settings.frame_rate) == (0.002, 6.0, 20.0)
         assert arv.call("arv_camera_get_exposure_time", ctypes.c_double, camera) == 2000.0
         stream = Pointer(arv.call("arv_camera_create_stream", Pointer, camera, Pointer(), Pointer()))
         payload = arv.call("arv_camera_get_payload", ctypes.c_uint, camera)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interchange.problems import BrightfieldError
@@ -29,6 +29,7 @@ def arm(live):
     return MovingScene(Scene(bodies), joints)
 
 
+@settings(deadline=None, max_examples=50)
 @given(a=ANGLE, b=ANGLE)
 def test_a_two_link_arm_stands_where_its_closed_form_says(live, a, b):
     scene = arm(live)
@@ -40,6 +41,7 @@ def test_a_two_link_arm_stands_where_its_closed_form_says(live, a, b):
     np.testing.assert_allclose(tool[:2, 0], [np.cos(a + b), np.sin(a + b)], atol=1e-12)
 
 
+@settings(deadline=None, max_examples=50)
 @given(q=ANGLE, axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1))
 def test_a_joint_is_rigid_leaves_its_axis_and_goes_back(q, axis):
     joint = Joint("j", ("/a",), axis, (0.1, -0.2, 0.3))
