@@ -94,7 +94,7 @@ def flat_top(conditions: Sequence[Condition], simulations: Sequence[np.ndarray])
     Nothing at and above it can be compared: it would be taken for a response curve.
     """
     top = 2 ** conditions[0].camera.sensor.bits_out - 1
-    level = max(float(c.captures[0].pixels[c.mask].max()) for c in conditions if c.mask.any())
+    level = max((float(c.captures[0].pixels[c.mask].max()) for c in conditions if c.mask.any()), default=top)
     if level >= top:
         return None
     at, below, brighter = 0, np.zeros(12), 0

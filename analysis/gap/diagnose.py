@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
+from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import STAGES, Diagnosis, Edges, Estimate, Finding
@@ -86,8 +87,9 @@ def diagnose(
     rendered = render_all(
         [(c.scene, c.camera) for c in found], render, settings, cache, lambda k, n: told("rendering", k / n)
     )
-    all_of_them = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
-    must_overlap(all_of_them)
+    whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+    must_overlap(whole)
+    all_of_them = without_flat_tops(whole)  # which would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
     with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
         fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots)
@@ -110,7 +112,7 @@ def diagnose(
     findings = _findings(fitted, attribution, shrunk)
     told("noise", 0.0)
     corrected = [fitted.after.simulated(c) for c in all_of_them]
-    judged = noise_findings(all_of_them, corrected)
+    judged = noise_findings(whole, corrected)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in attribution.players]
     findings += [_noise_finding(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
