@@ -196,7 +196,38 @@ def _fit(terms: Sequence[Term], stand: Stand) -> Fit:
     for c in best.causes:
         cause[evidence.members[c]] = True
     before = Model(tuple(terms), np.where(cause, 0.0, theta), np.zeros(q))
-    return Fit(before, after, stand.hypotheses, posterior(stand.hypotheses), tuple(terms), evidence, parts)
+    probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
+    return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts)
+
+
+def believed(
+    probability: dict[Cause, float], causes: Sequence[Cause], evidence: Evidence, theta: np.ndarray
+) -> dict[Cause, float]:
+    """The probabilities of the effects among ``causes``, lower where experience says that the evidence is too sure:
+
+        p E / (E + E_unknown)        beside something without a name, as far as they outweigh it
+        p min(1, E_all / Σ E)        where what they change is undone by the others
+
+    E: Δ' W Δ of what a cause changes, E_all of all together. On cases whose cause was known, an effect that was called
+    beside a stronger unknown was right one time in eight, and effects that undid each other never (docs/diagnosis.md).
+    """
+    if not causes:
+        return probability
+    generic = {c: evidence.terms[evidence.members[c][0]].generic for c in causes}
+
+    def energy(index: np.ndarray) -> float:
+        return float(theta[index] @ evidence.e.G[np.ix_(index, index)] @ theta[index])
+
+    each = {c: energy(evidence.members[c]) for c in causes}
+    named = [c for c in causes if not generic[c]]
+    unknown = sum(e for c, e in each.items() if generic[c])
+    out = dict(probability)
+    if named:
+        together = energy(np.concatenate([evidence.members[c] for c in named]))
+        coherent = min(1.0, together / max(sum(each[c] for c in named), 1e-30))
+        for c in named:
+            out[c] *= coherent * each[c] / max(each[c] + unknown, 1e-30)
+    return out
 
 
 def _of_terms(part: NormalEquations, q: int) -> NormalEquations:
