@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
 from analysis.gap.chain_terms import chain_terms
@@ -25,6 +26,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.light_terms import light_terms
+from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.radiance import Render, Rendered, arrangement, render_all
 from analysis.gap.state import State
@@ -119,7 +121,8 @@ def capture_plan(
         signal += 0.0 if part is None else part.signal
         told("sensitivities", (k + 1) / len(conditions))
     margins = Margins(terms, np.sum(parts, axis=0), signal)
-    return _greedy(candidates, parts, margins, most, told)
+    with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
+        return _greedy(candidates, parts, margins, most, told)
 
 
 class Margins:
@@ -202,11 +205,13 @@ def _pair(margins: Margins, number: int, values: np.ndarray) -> Pair:
 
 def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
-    return [
+    found = [
         *geometry_terms(conditions, tolerances),
-        *(t for t in light_terms(conditions, tolerances) if not t.generic),
+        *light_terms(conditions, tolerances),
+        *material_terms(conditions, tolerances),
         *chain_terms(State(bright), tolerances),
     ]
+    return [t for t in found if not t.generic]
 
 
 def _candidates(
