@@ -285,7 +285,8 @@ def main() -> None:
     out = [x for x in data["cases"] if "left out" in x]
     labels = [x for x in data["cases"] if "left out" not in x]
     if args.run_only:
-        labels = [x for x in labels if (args.runs / x["case"]).is_dir()]
+        ends = ("diagnosis.json", "failed.txt")
+        labels = [x for x in labels if any((args.runs / x["case"] / f).is_file() for f in ends)]
     answers = {x["case"]: answer(args.runs / x["case"] / "diagnosis.json") for x in labels}
     head += f" {len(labels)} cases"
     head += f"; {len(out)} that were planned have no amplitude of the severity wanted." if out else "."
