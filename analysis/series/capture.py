@@ -51,17 +51,17 @@ def capture(
     folder = Path(folder)
     if not lightings:
         raise BrightfieldError("A series must have one lighting or more.")
-    if digital and exposure is None:
-        exposure = auto_exposure(scene, camera, lightings, render)
     job = {**settings, "digital": digital, "exposure": exposure, "seed": seed, "plane": plane}
     key = digest(scene, camera, lightings, job)
     suffix = "png" if digital else "exr"
     width = len(str(len(lightings) - 1))
     files = [f"images/{k:0{max(width, 3)}d}.{suffix}" for k in range(len(lightings))]
-    _check_same(folder / on_disk.FILE, key)
+    before = _same_job(folder / on_disk.FILE, key)
+    if digital and exposure is None:  # found once
+        exposure = before.get("exposure") or auto_exposure(scene, camera, lightings, render)
     (folder / "images").mkdir(parents=True, exist_ok=True)
     quantity = Quantity.DN if digital else Quantity.RADIANCE
-    made_by = {**job, "scene": scene.source, "job": key}
+    made_by = {**job, "exposure": exposure, "scene": scene.source, "job": key}
     on_disk.write_plan(folder, files, lightings, camera, quantity, made_by, exposure or 1.0, plane)
     for k, (name, step) in enumerate(zip(files, lightings, strict=True)):
         if not (folder / name).is_file():
@@ -111,18 +111,20 @@ def auto_exposure(
     return share * camera.sensor.full_well / top
 
 
-def _check_same(path: Path, key: str) -> None:
+def _same_job(path: Path, key: str) -> dict[str, Any]:
+    """What an earlier run of this very job says of itself; nothing where there was none."""
     if not path.is_file():
-        return
+        return {}
     try:
-        before = json.loads(path.read_text(encoding="utf-8"))["made_by"]["job"]
+        before = dict(json.loads(path.read_text(encoding="utf-8"))["made_by"])
     except (ValueError, KeyError, TypeError):
-        before = ""
-    if before != key:
+        before = {}
+    if before.get("job") != key:
         raise BrightfieldError(
             f"The folder must be empty or hold a part of this very series; {path} is of another scene, camera or "
             "setting."
         )
+    return before
 
 
 def digest(scene: Scene, camera: Camera, lightings: Sequence[Lighting], settings: dict[str, Any]) -> str:

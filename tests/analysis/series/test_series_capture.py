@@ -71,10 +71,19 @@ def test_a_capture_goes_on_where_it_stopped(rasterizer, tmp_path):
 
 
 def test_the_exposure_nearly_fills_the_sensor(rasterizer, tmp_path):
-    render = lambda s, c: rasterizer.render(s, c, samples=1)  # noqa: E731
+    calls = []
+
+    def render(scene, camera):
+        calls.append(1)
+        return rasterizer.render(scene, camera, samples=1)
+
     series = capture(SPECIMEN.scene, SPECIMEN.camera, distant(ANGLES), tmp_path, render, {}, digital=True)
     radiance = capture(SPECIMEN.scene, SPECIMEN.camera, distant(ANGLES), tmp_path / "true", render, {})
     exposure, sensor = series.made_by["exposure"], SPECIMEN.camera.sensor
+    count = len(calls)
+    again = capture(SPECIMEN.scene, SPECIMEN.camera, distant(ANGLES), tmp_path, render, {}, digital=True)
+    assert len(calls) == count  # nothing is rendered twice, nor is the exposure looked for again
+    assert np.array_equal(again.images, series.images)
     electrons = np.quantile(radiance.images, 0.999) * sensor.responsivity * exposure
     assert 0.6 < electrons / sensor.full_well < 1.0
     assert series.usable.mean() > 0.995
