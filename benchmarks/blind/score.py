@@ -224,9 +224,9 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     ]
     hits, count, errors = covered(labels, answers)
     lines += ["", "| figure | value |", "|---|---|"]
-    lines.append(
-        f"| calibration error of probabilities, {min(BINS, len(said))} bins | {calibration(said):.3f} |"
-    )
+    if said:
+        bins = min(BINS, len(said))
+        lines.append(f"| calibration error of probabilities, {bins} bins | {calibration(said):.3f} |")
     if closed:
         median, tenth = np.percentile(closed, [50, 10])
         lines.append(
