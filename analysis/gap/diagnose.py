@@ -319,6 +319,11 @@ def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
         words = cause[0] + (f" {cause[1].rsplit('/', 1)[-1]}" if cause[1] else "")
         largest = fitted.terms[index[int(np.argmax(np.abs(theta) * fitted.evidence.share[index]))]]
         out.append((f"{words}: {100 * rms:.1f} % of the signal, most of it in {largest.parameter}", p))
+    sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)
+    nothing = float(fitted.probability_of_none)
+    if fitted.best.causes and not sure and nothing < PRESENT:
+        tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
+        out.append((f"something that no effect alone explains (nearest: {tried})", 1 - nothing))
     return tuple(out)
 
 

@@ -106,6 +106,13 @@ class Fit:
     def theta(self) -> np.ndarray:
         return self.after.theta
 
+    @property
+    def probability_of_none(self) -> float:
+        """That calibration's errors explain everything."""
+        score = np.array([h.score for h in self.hypotheses])
+        p = np.exp(score - score.max())
+        return float(p[[not h.causes for h in self.hypotheses]].sum() / p.sum())
+
 
 def fit(
     conditions: Sequence[Condition],
