@@ -86,6 +86,12 @@ def clear_color(number: int, value: tuple[float, float, float, float]) -> None:
     clear(COLOR, number, (ctypes.c_float * 4)(*value))
 
 
+def clear_whole(number: int, value: tuple[int, int, int, int]) -> None:
+    """One colour attachment of unsigned integers of the bound framebuffer."""
+    clear = _clear(b"glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.POINTER(ctypes.c_uint))
+    clear(COLOR, number, (ctypes.c_uint * 4)(*value))
+
+
 def clear_depth(value: float) -> None:
     """Of the bound framebuffer."""
     clear = _clear(b"glClearBufferfv", ctypes.c_uint, ctypes.c_int, _FLOATS)

@@ -8,7 +8,7 @@ import numpy as np
 from realtime import stencil
 from realtime.bend import RINGS
 from realtime.bodies import Bodies, Group
-from realtime.context import clear_color, clear_depth, clear_depth_and_stencil, depth_texture
+from realtime.context import clear_color, clear_depth, clear_depth_and_stencil, clear_whole, depth_texture
 from realtime.programs import Programs, defines, put, text, texture_uniforms
 from realtime.shadow_maps import bind, set_opacity
 from realtime.through import LEVELS, Through
@@ -16,33 +16,38 @@ from realtime.uploads import Uploads
 from realtime.view import View
 
 SPLITTING = {"RINGS": RINGS, "LEVELS": f"{LEVELS:.1f}"}
+MOST_COMPACT, TURNS = 4096, 15  # bodies and turns that a compact buffer tells apart
 NOTHING = -1.0  # the body's number where no surface is
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a G-buffer holds: tangents that ``turns``, texture coordinates and their ``slopes``, a stencil."""
+    """What a G-buffer holds: tangents that ``turns``, texture coordinates and their ``slopes``, a stencil. ``compact``:
+    what is needed of samples that are merged, in sixteen bytes (shaders/surface.glsl)."""
 
     turns: bool
     uv: bool
     slopes: bool
     stencil: bool
+    compact: bool = False
 
 
 @dataclass(eq=False)
 class GBuffer:
     """Float textures of one size. ``surface``: 1/Z (Z if telecentric), shading normal, body; ``facet``: slopes of
     1/Z along the window, the tangent's direction where a material turns; ``coordinates``: u, v; ``slopes``: of u/Z
-    and v/Z. Where no body is, all but ``surface`` and ``depth`` are left as they were."""
+    and v/Z. Where no body is, all but ``surface`` and ``depth`` are left as they were. A compact one has no
+    ``facet``, and tells by the number of its ``turn`` what is left over."""
 
     size: tuple[int, int]
     kind: Kind
     surface: moderngl.Texture
-    facet: moderngl.Texture
+    facet: moderngl.Texture | None
     coordinates: moderngl.Texture | None
     slopes: moderngl.Texture | None
     depth: moderngl.Texture
     framebuffer: moderngl.Framebuffer
+    turn: int = 0
 
     @property
     def textures(self) -> list[moderngl.Texture]:
@@ -57,7 +62,12 @@ class GBuffer:
     def clear(self) -> None:
         """What is read where no body is drawn; the framebuffer is bound from here on."""
         self.framebuffer.use()
-        clear_color(0, (0.0, 0.0, 0.0, NOTHING))
+        if not self.kind.compact:
+            clear_color(0, (0.0, 0.0, 0.0, NOTHING))
+        else:
+            self.turn = self.turn % TURNS + 1
+            if self.turn == 1:
+                clear_whole(0, (0, 0, 0, 0))
         if self.kind.stencil:
             clear_depth_and_stencil(0.0, 0)
         else:
@@ -65,12 +75,13 @@ class GBuffer:
 
 
 def create(context: moderngl.Context, size: tuple[int, int], kind: Kind) -> GBuffer:
-    def target(components: int = 4) -> moderngl.Texture:
-        texture = context.texture(size, components, dtype="f4")
+    def target(components: int = 4, dtype: str = "f4") -> moderngl.Texture:
+        texture = context.texture(size, components, dtype=dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return texture
 
-    surface, facet = target(), target(4 if kind.turns else 2)
+    surface = target(4, "u4") if kind.compact else target()
+    facet = None if kind.compact else target(4 if kind.turns else 2)
     coordinates, along = target() if kind.uv else None, target() if kind.uv and kind.slopes else None
     depth = depth_texture(context, size, kind.stencil)
     attachments = [t for t in (surface, facet, coordinates, along) if t is not None]
@@ -96,8 +107,9 @@ class GBufferStage:
     ) -> GBuffer:
         """Draw the bodies. ``index``: the sample's number, by which surfaces let rays through; ``threshold`` > 0
         makes that a cut-out instead. ``marked``: with the material groups in a stencil. ``through``: the lens."""
-        uv = self.bodies.table.textured
-        buffer = self._fitting(view.size, Kind(self.bodies.table.turns, uv, slopes, marked))
+        uv, turns = self.bodies.table.textured, self.bodies.table.turns
+        compact = not (marked or uv or turns or len(self.bodies.bodies) > MOST_COMPACT)
+        buffer = self._fitting(view.size, Kind(turns, uv, slopes, marked, compact))
         context = self.context
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
@@ -118,7 +130,8 @@ class GBufferStage:
                 stencil.write(min(self.bodies.table.place[id(group.material)][1] + 1, 255))
             split = None if through is None else through.split(group)
             for patches in (False, True) if split is not None else (False,):
-                program = self._program(group, view.telecentric, uv, slopes, through, patches)
+                program = self._program(group, view.telecentric, buffer.kind, through, patches)
+                put(program, focal=tuple(view.focal), turn=buffer.turn)
                 if through is None:
                     put(program, clip_from_world=tuple(matrix.T.ravel()), eye_z=tuple(eye_z))
                 else:
@@ -145,21 +158,21 @@ class GBufferStage:
         self,
         group: Group,
         telecentric: bool,
-        uv: bool,
-        slopes: bool,
+        kind: Kind,
         through: Through | None,
         patches: bool,
     ) -> moderngl.Program:
         material = group.material
         holes = group.lets_light_through
-        turns = self.bodies.table.turns or material.normal_map is not None
+        turns = kind.turns or material.normal_map is not None
         head = defines(
             {
                 "TELECENTRIC": telecentric,
                 "TANGENT": turns,
-                "ST": uv or holes or material.normal_map is not None,
-                "UV": uv,
-                "SLOPES": slopes,
+                "ST": kind.uv or holes or material.normal_map is not None,
+                "UV": kind.uv,
+                "SLOPES": kind.slopes,
+                "COMPACT": kind.compact,
                 "NORMAL_MAP": material.normal_map is not None,
                 "OPACITY": holes,
                 "OPACITY_MAP": holes and material.opacity_map is not None,

@@ -153,6 +153,7 @@ class LightingStage:
             put(program, world_from_eye=world_from_eye, emitting=float(not chunk), group=float(number))
             if layer.pick:
                 put(program, picks=4)
+            put(program, focal=tuple(layer.drawn.view.focal), turn=layer.buffer.turn)
             if not lit:
                 if group.alone:
                     materials.put_numbers(program, group, self.table)

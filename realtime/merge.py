@@ -34,11 +34,20 @@ class MergeStage:
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = "1"
-        head = defines({"TANGENT": self.bodies.table.turns, "ALIKE": ALIKE, "AMONG": AMONG})
-        program = self.programs.get(
-            [text("screen_vertex.glsl")], [head, text("common.glsl"), text("merge_fragment.glsl")]
+        head = defines(
+            {
+                "TANGENT": self.bodies.table.turns,
+                "COMPACT": buffer.kind.compact,
+                "TELECENTRIC": drawn.view.telecentric,
+                "ALIKE": ALIKE,
+                "AMONG": AMONG,
+            }
         )
-        put(program, **UNITS)
+        program = self.programs.get(
+            [text("screen_vertex.glsl")],
+            [head, text("common.glsl"), text("surface.glsl"), text("merge_fragment.glsl")],
+        )
+        put(program, **UNITS, focal=tuple(drawn.view.focal), turn=buffer.turn)
         for unit, texture in enumerate(buffer.textures):
             texture.use(unit)
         assert self.bodies.lookup is not None

@@ -31,6 +31,7 @@ def centre(
     camera: Camera, view: View, buffer: GBuffer, lensmap: Lensmap | None, origin: np.ndarray
 ) -> Centre:
     """Read a G-buffer back."""
+    assert buffer.facet is not None
     surface, slope = (
         np.frombuffer(t.read(), np.float32).reshape(view.size[1], view.size[0], t.components)
         for t in (buffer.surface, buffer.facet)

@@ -4,7 +4,7 @@ import moderngl
 
 from realtime import materials
 from realtime.lamps import MAPS, rows
-from realtime.layers import Layer, Lit, Pass, Signature
+from realtime.layers import Layer, Lit, Signature
 from realtime.materials import Group
 from realtime.programs import Programs, defines, put, text
 
@@ -46,24 +46,24 @@ class Shading:
             uv,
             telecentric,
             tuple(drawn.defines.items()),
+            buffer.kind.compact,
             pick,
             tiled,
         )
         if key not in self._by_key:
-            self._by_key[key] = self._compose(group, signature, len(chunk), uv, drawn, lit, pick, tiled)
+            self._by_key[key] = self._compose(layer, group, signature, len(chunk), lit, tiled)
         return self._by_key[key]
 
     def _compose(
         self,
+        layer: Layer,
         group: Group,
         signature: Signature,
         count: int,
-        uv: bool,
-        drawn: Pass,
         lit: bool,
-        pick: bool,
         tiled: bool,
     ) -> moderngl.Program:
+        drawn, uv = layer.drawn, layer.buffer.coordinates is not None
         mode, shaped, focused, by_direction, faces = signature
         fragment = bool(group.material and group.material.glsl)
         head = defines(
@@ -84,7 +84,8 @@ class Shading:
                 "UV": uv,
                 **drawn.defines,
                 "LIT": lit,
-                "PICK": pick,
+                "PICK": layer.pick,
+                "COMPACT": layer.buffer.kind.compact,
                 "FRAGMENT": fragment,
                 "PARAMETERS": max(len(group.brdf.flat()), 1),
             }
@@ -124,6 +125,7 @@ class Shading:
                 head,
                 text("common.glsl"),
                 text("locate.glsl"),
+                text("surface.glsl"),
                 declared,
                 model,
                 lights,

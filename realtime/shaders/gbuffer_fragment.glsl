@@ -12,8 +12,14 @@ in float z;
 #endif
 flat in float body;
 
+#ifdef COMPACT
+layout(location = 0) out uvec4 surface;  // as surface.glsl reads it
+uniform vec2 focal;
+uniform uint turn;
+#else
 layout(location = 0) out vec4 surface;  // 1/Z (Z if telecentric), shading normal on either side, body
 layout(location = 1) out vec4 facet;    // slopes of 1/Z along the window; the tangent's direction
+#endif
 #ifdef UV
 layout(location = 2) out vec4 coordinates;  // u, v
 #ifdef SLOPES
@@ -51,6 +57,14 @@ void main()
     vec3 along = normalize(t.xyz - normal * dot(t.xyz, normal));
     normal = normalize(along * m.x + cross(normal, along) * (m.y * sign(t.w)) + normal * m.z);
 #endif
+#ifdef COMPACT
+    vec2 s = vec2(dFdx(q), dFdy(q)) * focal;
+#ifndef TELECENTRIC
+    s /= q;
+#endif
+    uvec2 k = uvec2(round(s / (1.0 + abs(s)) * 127.0) + 128.0);
+    surface = uvec4(floatBitsToUint(vec3(q, octahedral(normal))), turn | k.x << 4u | k.y << 12u | uint(body) << 20u);
+#else
     surface = vec4(q, octahedral(normal), body);
 #ifdef TANGENT
     vec3 b1, b2;
@@ -58,6 +72,7 @@ void main()
     facet = vec4(dFdx(q), dFdy(q), diamond(vec2(dot(t.xyz, b1), dot(t.xyz, b2))), 0.0);
 #else
     facet = vec4(dFdx(q), dFdy(q), 0.0, 0.0);
+#endif
 #endif
 #ifdef UV
     coordinates = vec4(st, 0.0, 0.0);

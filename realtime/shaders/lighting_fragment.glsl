@@ -1,7 +1,5 @@
 // Radiance of the samples of one material group, by the chunk of lamps at hand.
 // LIT: instead of radiance, (share of the lamps' points that are seen, points that face the surface).
-uniform sampler2D g_surface;
-uniform sampler2D g_facet;
 uniform sampler2D bodies;  // by body: material row, group
 #ifdef UV
 uniform sampler2D g_coordinates;
@@ -60,7 +58,8 @@ vec4 light_of(Sample s)
 #ifdef BLIND
     s.texel = max(s.texel, ivec2(0));
 #endif
-    vec4 met = texelFetch(g_surface, s.texel, 0), slope = texelFetch(g_facet, s.texel, 0);
+    vec4 met, slope;
+    surface_at(s.texel, met, slope);
     float q = met.x + dot(slope.xy, s.off);
 #ifdef TELECENTRIC
     vec3 ray = vec3(s.d, q), eye_ray = vec3(0.0, 0.0, 1.0);

@@ -1,6 +1,4 @@
 // A pixel's 2 x 2 samples as one, where they lie on one smooth surface; else the pixel is left to its samples.
-uniform sampler2D g_surface;
-uniform sampler2D g_facet;
 uniform sampler2D bodies;  // by body: material row, group
 
 layout(location = 0) out vec4 surface;
@@ -44,11 +42,21 @@ void main()
 {
     first = 2 * ivec2(gl_FragCoord.xy);
     const ivec2 RIGHT = ivec2(1, 0), UP = ivec2(0, 1);
+#ifdef COMPACT
+    uvec4 corner = texelFetch(g_surface, first, 0);
+    vec4 a = surface_of(corner), b = surface_of(texelFetch(g_surface, first + RIGHT, 0));
+    vec4 c = surface_of(texelFetch(g_surface, first + UP, 0)), d = surface_of(texelFetch(g_surface, first + 1, 0));
+#else
     vec4 a = texelFetch(g_surface, first, 0), b = texelFetch(g_surface, first + RIGHT, 0);
     vec4 c = texelFetch(g_surface, first + UP, 0), d = texelFetch(g_surface, first + 1, 0);
+#endif
     body = max(max(a.w, b.w), max(c.w, d.w));
     if (body < 0.0) discard;
+#ifdef COMPACT
+    facet = vec4(slopes_of(corner.w, a.x), 0.0, 0.0);
+#else
     facet = texelFetch(g_facet, first, 0);
+#endif
     mean = 0.25 * (a + b + c + d);
     // bent is measured in the octahedron: a step de of the code turns the normal by |dv| / |v| at most
     across = vec2(mean.y >= 0.0 ? 1.0 : -1.0, mean.z >= 0.0 ? 1.0 : -1.0);
@@ -62,7 +70,11 @@ void main()
     vec4 of = vec4(a.w, b.w, c.w, d.w);
     bool alike = all(lessThan(min(abs(of - body), of + 1.0), vec4(0.5)));  // each is the body or nothing
     surface = vec4(mean.xyz, body);
+#ifdef COMPACT
+    facet.xy = vec2(b.x - a.x + d.x - c.x, c.x - a.x + d.x - b.x);
+#else
     facet.xy *= 2.0;
+#endif
 #ifdef TANGENT
     vec3 b1, b2;
     basis(from_octahedral(mean.yz), b1, b2);

@@ -89,3 +89,20 @@ def test_isotropy_is_found_for_the_parameters_at_hand():
     assert not is_isotropic(BRUSHED)
     assert is_isotropic(replace(BRUSHED, C=((-1.0, -1.0, 0.9),)))
     assert is_isotropic(Lambert())
+
+
+def test_nothing_is_left_over_from_earlier_images(rasterizer, make):
+    """The samples' buffer is cleared every 15 images only; what moved away is gone in each of 17 all the same."""
+    glow = Material("glow", Lambert(0.0), emission=(1.0, 1.0, 1.0))
+    mesh = make.ball(16, 8, 0.2)
+    camera = make.pinhole((0, 0, 3), (0, 0, 0), (48, 36))
+
+    def scene(k):
+        return Scene((Body("/ball", mesh, glow, make.at(0.05 * k - 0.4, 0, 0)),))
+
+    images = [rasterizer.render(scene(k), camera, samples=4, shading="pixel").pixels for k in range(17)]
+    with Rasterizer() as fresh:
+        for k in (0, 1, 13, 14, 15, 16):
+            alone = fresh.render(scene(k), camera, samples=4, shading="pixel").pixels
+            np.testing.assert_array_equal(images[k], alone)
+            assert 0 < np.count_nonzero(alone[..., 0]) < 150
