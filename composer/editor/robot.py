@@ -24,8 +24,10 @@ def missing() -> list[str]:
 
 @contextmanager
 def screen(width: int, height: int) -> Iterator[str]:
-    """A screen without a monitor, whose keys do not repeat; gives the value of DISPLAY. BrightfieldError where Xvfb does
-    not start."""
+    """A screen without a monitor, whose keys do not repeat; gives the value of DISPLAY.
+
+    BrightfieldError where Xvfb does not start.
+    """
     reading, writing = os.pipe()
     process = subprocess.Popen(
         [
