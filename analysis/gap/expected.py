@@ -48,9 +48,8 @@ def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.
             out = step.function(out, None)
     pixels = out.pixels
     if curve is not None:
-        full = 2**camera.sensor.bit_depth - 1
-        x = np.clip(pixels / full, 0, 1)
-        pixels = (curve.curve(x) * (2**camera.sensor.bits_out - 1)).astype(np.float32)
+        sensor = camera.sensor
+        pixels = curve.output(pixels, sensor.bit_depth, sensor.black_level).astype(np.float32)
     return np.asarray(pixels, np.float32)
 
 
@@ -79,11 +78,10 @@ def per_electron(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray
     linear, slope = np.asarray(dn, np.float64), np.ones(1)
     curve = ResponseCurve.of(camera)
     if curve.is_there:
-        x = np.linspace(1e-4, 1, 4096)
-        y = curve.curve(x) * (2**sensor.bits_out - 1)
-        full = 2**sensor.bit_depth - 1
-        linear = np.interp(dn, y, x * full)
-        slope = np.interp(dn, y, np.gradient(y, x * full))
+        x = np.linspace(sensor.black_level, 2**sensor.bit_depth - 1, 4096)[1:]
+        y = curve.output(x, sensor.bit_depth, sensor.black_level)
+        linear = np.interp(dn, y, x)
+        slope = np.interp(dn, y, np.gradient(y, x))
     electrons = np.maximum((linear - sensor.black_level) / sensor.K, 0)
     still = np.broadcast_to(sensor.K**2 * slope**2, electrons.shape)
     return electrons * still, still

@@ -61,6 +61,13 @@ class ResponseCurve(Effect):
         """(2^bits,) float32: the output DN of every linear one."""
         return _table(self, bits, self.bits_out or bits, black)
 
+    def output(self, dn: np.ndarray, bits: int, black: float) -> np.ndarray:
+        """Output DN of linear ``dn``, float64, neither rounded nor clipped but at the highest signal."""
+        top = 2**bits - 1
+        x = (np.asarray(dn, np.float64) - black) / (top - black)
+        y = black + (top - black) * np.sign(x) * self.curve(np.minimum(np.abs(x), 1))
+        return y * ((2 ** (self.bits_out or bits) - 1) / top)
+
     def curve(self, x: np.ndarray) -> np.ndarray:
         """Output over its highest value, of linear signals x over theirs, both in [0, 1]."""
         x = np.asarray(x, np.float64) ** self.gamma
@@ -74,8 +81,5 @@ class ResponseCurve(Effect):
 @lru_cache(maxsize=8)
 def _table(curve: ResponseCurve, bits: int, bits_out: int, black: float) -> np.ndarray:
     """The output DN of every linear one."""
-    top = 2**bits - 1
-    x = (np.arange(top + 1) - black) / (top - black)
-    y = black + (top - black) * np.sign(x) * curve.curve(np.minimum(np.abs(x), 1))
-    y *= (2**bits_out - 1) / top
+    y = curve.output(np.arange(2**bits), bits, black)
     return np.asarray(np.clip(np.rint(y), 0, 2**bits_out - 1), np.float32)

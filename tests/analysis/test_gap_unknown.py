@@ -114,6 +114,6 @@ def test_places_add_up_as_terms_with_fields_do(document: Document, shown: list[R
     assert found.rr == pytest.approx(whole.rr, rel=1e-6)
     w = 1 / variance(state)[mask].reshape(-1).astype(np.float64)
     G = (X * w) @ X.T / (BLOCK**2 / 4)
-    assert found.G == pytest.approx(G, rel=1e-4, abs=1e-6 * G.max())  # single precision
+    assert pytest.approx(G, rel=1e-4, abs=1e-6 * G.max()) == found.G  # single precision
     b = (X * w) @ state.residual[mask].reshape(-1) / (BLOCK**2 / 4)
     assert found.b == pytest.approx(b, rel=1e-3, abs=1e-4 * np.abs(b).max())
