@@ -1,6 +1,8 @@
 """Where the rays of a distorting lens lie in a wide pinhole view.
 
-Straight edges stay straight only without distortion, so the bodies are drawn without it, over all that the lens
+For images, bodies are drawn through the lens (realtime.through), which gives the rays alone a place here. Passes of the
+pixels' centres, and scenes that can't be drawn so, are looked up in a wide view: straight edges stay straight only
+without distortion, so the bodies are drawn without it, over all that the lens
 sees and finer than the sensor, and each image sample looks up the texel that its own ray meets, where the facet's
 plane is intersected exactly. The rays are exact at the pixels' corners and bilinear between.
 """

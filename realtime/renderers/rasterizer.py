@@ -62,8 +62,8 @@ class Rasterizer:
         centre, lit from the lamps' middles: fast, with hard shadows and edges. ``per_light`` is the pass ``light``.
         ``shading``: ``"sample"`` lights each sample, the exact mean; ``"pixel"`` lights pixels once whose four
         samples of a pass lie on one smooth surface (realtime.merge), as multisampling does: for live views with
-        ``samples`` 4, 8, ...; scenes with textures, lenses that distort and lamps that are seen themselves are lit
-        sample by sample all the same.
+        ``samples`` 4, 8, ...; scenes with textures and with lamps that are seen themselves are lit sample by sample
+        all the same.
         ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
         a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
         """
