@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.terms import Term
+from analysis.gap.terms import FORM, NUISANCE, Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
 TAU = 1.0
@@ -29,7 +29,6 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
-FORM = "form"  # terms of this cause are never wide: how an effect may differ from its formula
 
 Cause = tuple[str, str]
 
@@ -59,7 +58,7 @@ class Evidence:
         self.members: dict[Cause, np.ndarray] = {}
         self.ways: dict[Cause, int] = {}
         for i, term in enumerate(terms):
-            if self.seen[i] and term.cause != FORM:
+            if self.seen[i] and term.cause not in (FORM, NUISANCE):
                 self.members.setdefault(term.candidate, np.array([], int))
                 self.members[term.candidate] = np.append(self.members[term.candidate], i)
                 self.ways[term.candidate] = term.ways

@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from analysis.gap.evidence import FORM, Cause
+from analysis.gap.evidence import Cause
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import FORM, Field, Term
 
 SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
 OWN = 0.1  # and pixel by pixel

@@ -10,11 +10,12 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
-from analysis.gap.terms import Flow, Term, moving
+from analysis.gap.terms import NUISANCE, Flow, Term, moving
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects.parts import bounds
 
+MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
 
@@ -79,6 +80,29 @@ def _pose(name: str, condition: Condition, px: float) -> list[Term]:
         omega = px / (1e-3 * f * reach) / np.sqrt(3)
         terms.append(moving("camera_pose", name, f"t{'xyz'[axis]}", "mm", tau, shift))
         terms.append(moving("camera_pose", name, f"r{'xyz'[axis]}", "mrad", omega, turn))
+    if condition.camera.lens.projection is not Projection.ORTHOGRAPHIC:
+        terms += _parallax(name, depth[np.isfinite(depth)], z, f, px)
+    return terms
+
+
+def _parallax(name: str, depth: np.ndarray, z: float, f: float, px: float) -> list[Term]:
+    """A camera that stands aside and turns back by as much: calibration tells the two apart only by how points at other
+    depths than ``z`` move, f (1/Z - 1/z) per metre. No cause: the tolerance of what a pose leaves in the image."""
+    spread = 1e-3 * f * float(np.std(1 / depth)) if len(depth) else 0.0
+    terms = []
+    for axis in range(2):
+        aside = 1e-3 * np.eye(3)[axis]
+        back = 1e-3 / z * (np.array([0.0, -1.0, 0.0]) if axis == 0 else np.array([1.0, 0.0, 0.0]))
+
+        def flow(
+            s: State, aside: np.ndarray = aside, back: np.ndarray = back
+        ) -> tuple[np.ndarray, np.ndarray] | None:
+            if stand(s.condition) != name:
+                return None
+            return _projected(s, aside + np.cross(back, s.in_camera))
+
+        spike = px / max(spread, px / MOST_ASIDE) / np.sqrt(3)
+        terms.append(moving(NUISANCE, name, f"aside {'xy'[axis]}", "mm", spike, flow))
     return terms
 
 

@@ -10,7 +10,7 @@ from interchange.image import Image
 from interchange.scene import Scene
 
 NAMES = ("offline", "realtime")
-SAMPLES = {"offline": 32, "realtime": 16}
+SAMPLES = {"offline": 128, "realtime": 16}
 
 
 @contextmanager

@@ -11,6 +11,9 @@ import numpy as np
 
 from analysis.gap.state import State
 
+NUISANCE = "calibration"  # terms of this cause are never wide
+FORM = "form"  # nor these: how an effect may differ from its formula
+
 Field = Callable[[State], np.ndarray | None]
 Flow = Callable[[State], tuple[np.ndarray, np.ndarray] | None]
 Cells = Callable[[State], tuple[np.ndarray, np.ndarray, np.ndarray] | None]
