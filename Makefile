@@ -8,12 +8,12 @@ BIN := $(VENV)/bin
 PACKAGES := libegl1 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libxfixes3 libxxf86vm1
 LIBRARIES := libEGL.so.1 libGL.so.1 libXrender.so.1 libXi.so.6 libxkbcommon.so.0 libSM.so.6 libXfixes.so.3 libXxf86vm.so.1
 
-.PHONY: demo test lint format bench truth reference clean setup system
+.PHONY: demo test lint format bench truth reference clean setup system screen
 
 demo: setup
 	$(BIN)/brightfield demo --out out/demo
 
-test: setup
+test: setup screen
 	$(BIN)/python -m pytest -n 2 --dist loadfile --durations=15
 
 lint: setup
@@ -53,6 +53,16 @@ $(VENV)/.installed: pyproject.toml
 $(VENV)/.bench: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -e '.[dev,bench]'
 	@touch $@
+
+# a screen and a hand for the test that drives the window; it is skipped where they cannot be had
+screen:
+	@command -v Xvfb >/dev/null && command -v xdotool >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    echo "Installing xvfb and xdotool"; \
+	    { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq xvfb xdotool >/dev/null; } || true; \
+	  else \
+	    echo "Without xvfb and xdotool the window's test is skipped: sudo apt-get install xvfb xdotool"; \
+	  fi; }
 
 # the shared libraries that OpenGL through EGL and bpy load
 system:
