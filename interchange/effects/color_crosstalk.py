@@ -25,7 +25,9 @@ class ColorCrosstalk(Effect):
     confused_with = ("white_balance", "albedo", "light_spectrum")
     separated_by = "saturated red, green and blue patches in one image"
     pointwise = True
-    physical: ClassVar = dict.fromkeys(("rg", "rb", "gr", "gb", "br", "bg"), 0.0)  # light that leaks is not negative
+    physical: ClassVar = dict.fromkeys(
+        ("rg", "rb", "gr", "gb", "br", "bg"), 0.0
+    )  # light that leaks is not negative
     carried_by = carried(
         rg="sensor.color_crosstalk.0",
         rb="sensor.color_crosstalk.1",

@@ -19,7 +19,9 @@ from interchange.parameter import parameter
 class LineNoise(Effect):
     stage = Stage.SENSOR
     order = 42
-    source = "EMVA Standard 1288, release 4.0 Linear, 2021, section 4 (of rows and columns), here of one frame."
+    source = (
+        "EMVA Standard 1288, release 4.0 Linear, 2021, section 4 (of rows and columns), here of one frame."
+    )
     identified_by = "Whole rows or columns are off together, others in every repeat of one scene."
     confused_with = ("fixed_pattern", "sensor_noise")
     separated_by = "eight repeats or more with the lens covered"
