@@ -294,17 +294,25 @@ def gaussian(sigma: float) -> np.ndarray:
 def line(u: float, v: float) -> np.ndarray:
     """(k, k) float32: a straight path of (u, v) px at constant speed, around its middle.
 
-    Each moment is shared between pixels by Lagrange's cubic weights, which add no width of their own.
+    Each place is shared between the five pixels a side around the nearest one by Lagrange's weights: moments to the
+    fourth are the path's own, and a path shorter than a pixel blurs with the square of its length, as u² / 12 does.
     """
     half = int(np.ceil(max(abs(u), abs(v)) / 2)) + 2
     t = (np.arange(n := 64 * half) + 0.5) / n - 0.5
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    (j, across), (i, down) = lagrange(u * t + half), lagrange(v * t + half)
-    for a in range(4):
-        for b in range(4):
-            np.add.at(kernel, (i + a - 1, j + b - 1), down[a] * across[b])
+    (j, across), (i, down) = _around(u * t), _around(v * t)
+    for a in range(5):
+        for b in range(5):
+            np.add.at(kernel, (i + half + a - 2, j + half + b - 2), down[a] * across[b])
     kernel = (kernel + kernel[::-1, ::-1]) / 2
     return (kernel / kernel.sum()).astype(np.float32)
+
+
+def _around(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The pixel nearest to each place and the weights of the five around it."""
+    i = np.rint(x).astype(int)
+    t, nodes = x - i, (-2, -1, 0, 1, 2)
+    return i, [np.prod([(t - m) / (k - m) for m in nodes if m != k], axis=0) for k in nodes]
 
 
 def lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:

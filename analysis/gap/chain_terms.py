@@ -48,6 +48,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
             larger = step * (TYPICAL * signal / change[0]) ** (1 / power)
             if larger > step and _changed(state, own, parameter, start + larger, base) is not None:
                 step = larger
+            t_exp = state.camera.t_exp if parameter in model.grows_with_exposure else 0.0
             found.append(
                 Term(
                     cause=name,
@@ -55,7 +56,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     parameter=parameter,
                     unit=about.unit,
                     spike=absolute.get(name, tolerances.flat_field / 2),
-                    field=_difference(model, parameter, power, start, step),
+                    field=_difference(model, parameter, power, start, step, t_exp),
                     relative=name not in absolute,
                     power=power,
                     low=0.0
@@ -63,6 +64,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     else -np.inf,
                     kind="chain",
                     start=start,
+                    t_exp=t_exp,
                 )
             )
         terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
@@ -82,12 +84,15 @@ def _changed(state: State, own: Effect, parameter: str, value: float, base: np.n
     return float(np.sqrt(np.mean((state.dn([effect]) - base) ** 2)))
 
 
-def _difference(model: type[Effect], parameter: str, power: int, start: float, step: float) -> Any:
+def _difference(
+    model: type[Effect], parameter: str, power: int, start: float, step: float, t_exp: float
+) -> Any:
     def field(s: State) -> np.ndarray:
         now = next((e for e in s.effects if type(e) is model), model.of(s.camera))
         own = float(getattr(model.of(s.camera), parameter)) if power == 1 else start
-        theta = (float(getattr(now, parameter)) - own) ** power
-        value = own + (theta + step**power) ** (1 / power)
+        grown = s.camera.t_exp / t_exp if t_exp else 1.0
+        theta = ((float(getattr(now, parameter)) - own) / grown) ** power
+        value = own + grown * (theta + step**power) ** (1 / power)
         others = [e for e in s.effects if type(e) is not model]
         there = replace(now, **{parameter: value})  # type: ignore[type-var]
         return s.take((s.dn([*others, there]) - s.simulation.dn) / np.float32(step**power))
@@ -111,7 +116,8 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
             if term.cause == name and term.parameter in values:
                 t = values[term.parameter]
                 start = float(getattr(own, term.parameter))
-                value = start + (max(t, 0.0) ** 0.5 if term.power == 2 else t)
+                change = max(t, 0.0) ** 0.5 if term.power == 2 else t
+                value = start + change * term.grown(state)
                 limits = about[term.parameter]
                 given[term.parameter] = float(np.clip(value, limits.low, limits.high))
         made.append(replace(own, **given))  # type: ignore[type-var]

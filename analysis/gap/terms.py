@@ -53,6 +53,9 @@ class Term:
     generic: bool = False
     start: float = 0.0  # the parameter's value where the term is 0
     flow: Flow | None = None  # px (columns, rows) that a unit moves the image by, where ``kind`` is "flow"
+    t_exp: float = (
+        0.0  # s: the exposure that the parameter is told at, where it grows with it; 0 where it does not
+    )
     family: Family | None = None
     cell: int = 0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
@@ -64,6 +67,10 @@ class Term:
     @property
     def candidate(self) -> tuple[str, str]:
         return self.cause, self.target
+
+    def grown(self, state: State) -> float:
+        """The parameter at a condition's exposure, over that at ``t_exp``."""
+        return state.camera.t_exp / self.t_exp if self.t_exp else 1.0
 
     def value(self, theta: float) -> float:
         """The parameter at ``theta`` of the term."""

@@ -31,6 +31,7 @@ class MotionBlur(Effect):
     confused_with = ("defocus", "rolling_shutter", "anisotropy")
     separated_by = "the same scene with a tenth of the exposure time and ten times the light"
     achromatic = True
+    grows_with_exposure = ("u", "v")
 
     u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during the exposure")
     v: float = parameter(0.0, "v", "px", -1e3, 1e3, "rows that the image moves during the exposure")

@@ -222,15 +222,23 @@ def test_glare_is_a_share_of_the_mean():
     assert near.mean() == pytest.approx(L.mean(), rel=0.01)
 
 
-@pytest.mark.parametrize("path", [(6.0, 0.0), (0.0, 3.5), (4.0, -3.0)])
+@pytest.mark.parametrize("path", [(6.0, 0.0), (0.0, 3.5), (4.0, -3.0), (0.4, 0.2)])
 def test_motion_has_the_second_moment_of_a_line(path):
-    """L²/12 along each axis, exactly: cubic weights keep the second moment."""
+    """L²/12 along each axis, exactly: Lagrange's weights keep the moments."""
     out = convolve(point(channels=1).pixels, line(*path))[..., 0]
     assert out.sum() == pytest.approx(1, rel=1e-5)
     centre, variance = moments(out)
     assert centre == pytest.approx((50, 40), abs=1e-3)
     for v, length in zip(variance, path, strict=True):
         assert v == pytest.approx(length**2 / 12, abs=1e-3)
+
+
+def test_a_short_path_blurs_with_the_square_of_its_length():
+    """The kernel's change is 4 times as large at twice the length, not twice: no kink at a path of no length."""
+    none = line(0.0, 0.0)
+    assert none.max() == none.sum() == 1
+    short, twice = (np.abs(line(u, 0.0) - none).sum() for u in (0.1, 0.2))
+    assert twice / short == pytest.approx(4, rel=0.01)  # terms of the fourth order
 
 
 def test_the_motion_pass_gives_what_moving_renderings_give():
