@@ -11,6 +11,8 @@ from interchange.problems import Where
 from interchange.sensor import Sensor as Sensor  # cameras are made with it; mypy wants the second name
 from interchange.sensor import freeze_numbers
 
+CLIP = (1e-3, 1e4)  # m: what is drawn where nothing says so
+
 
 class Projection(StrEnum):
     PERSPECTIVE = "perspective"
@@ -86,7 +88,7 @@ class Camera:
     lens: Lens = field(default_factory=Lens)
     sensor: Sensor = field(default_factory=Sensor)
     principal_point: tuple[float, float] | None = None  # (column, row) px; None is the image centre
-    clip: tuple[float, float] = (1e-3, 1e4)  # m: nearest and farthest depth that is drawn
+    clip: tuple[float, float] = CLIP  # m: nearest and farthest depth that is drawn
     t_exp: float = 1.0  # s
     where: Where = field(default=Where(), compare=False)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.camera import CLIP, Camera, Lens, Projection, Sensor
 from interchange.distortion import LensModel
 from interchange.formats import usd_sensor
 from interchange.formats.usd_values import Finder, rigid
@@ -57,7 +57,11 @@ def read_camera(
     f_stop = usd.GetFStopAttr().Get(time)
     focus = usd.GetFocusDistanceAttr().Get(time) * unit
     orthographic = usd.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
-    near, far = (c * unit for c in usd.GetClippingRangeAttr().Get(time))
+    clip = usd.GetClippingRangeAttr()
+    if clip.HasAuthoredValue():
+        near, far = (c * unit for c in clip.Get(time))
+    else:  # the schema's own, from 1 unit on, would cut a station in metres away
+        near, far = CLIP
     if not 0 <= near < far:
         find.error(
             f"clippingRange must rise from 0; got ({near / unit:g}, {far / unit:g}).", prim, "clippingRange"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from interchange.camera import Camera, Lens, Sensor
+from interchange.camera import CLIP, Camera, Lens, Sensor
 from interchange.distortion import LensModel
 from interchange.formats.document import open_scene
 from interchange.formats.usd_author import author_scene
@@ -49,3 +49,15 @@ def test_a_lens_that_cannot_be_is_told_with_its_prim(tmp_path, lines, message):
     with pytest.raises(FileError, match=message) as caught:
         open_scene(path).scene()
     assert "/c" in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_a_camera_that_names_no_clipping_range_sees_what_is_near(tmp_path, unit):
+    """The schema's default starts one unit away: 1 m in a scene in metres, behind most workpieces."""
+    path = tmp_path / "scene.usda"
+    path.write_text(f'#usda 1.0\n(metersPerUnit = {unit})\ndef Camera "c" {{}}\n')
+    assert open_scene(path).scene().camera().clip == CLIP
+    path.write_text(
+        f'#usda 1.0\n(metersPerUnit = {unit})\ndef Camera "c" {{ float2 clippingRange = (2, 50) }}\n'
+    )
+    assert open_scene(path).scene().camera().clip == pytest.approx((2 * unit, 50 * unit))
