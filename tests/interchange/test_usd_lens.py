@@ -55,9 +55,8 @@ def test_a_lens_that_cannot_be_is_told_with_its_prim(tmp_path, lines, message):
 def test_a_camera_that_names_no_clipping_range_sees_what_is_near(tmp_path, unit):
     """The schema's default starts one unit away: 1 m in a scene in metres, behind most workpieces."""
     path = tmp_path / "scene.usda"
-    path.write_text(f'#usda 1.0\n(metersPerUnit = {unit})\ndef Camera "c" {{}}\n')
+    path.write_text(f'#usda 1.0\n(metersPerUnit = {unit})\ndef Camera "c"\n{{\n}}\n')
     assert open_scene(path).scene().camera().clip == CLIP
-    path.write_text(
-        f'#usda 1.0\n(metersPerUnit = {unit})\ndef Camera "c" {{ float2 clippingRange = (2, 50) }}\n'
-    )
+    head = f"#usda 1.0\n(metersPerUnit = {unit})\n"
+    path.write_text(head + 'def Camera "c"\n{\n    float2 clippingRange = (2, 50)\n}\n')
     assert open_scene(path).scene().camera().clip == pytest.approx((2 * unit, 50 * unit))
