@@ -51,6 +51,7 @@ class Frame:
             once
             and self.plan.grid == 2
             and (self.lensmap is None or self.bend is not None)
+            and bool(scene.bodies)
             and not stages.table.textured
             and not any(light.visible for light in scene.lights)
         )

@@ -10,6 +10,7 @@ from interchange.brdf.lambert import Lambert
 from interchange.brdf.phong import Phong
 from interchange.light import Light, LightKind
 from interchange.material import Material
+from interchange.mesh import Mesh
 from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
 from realtime import lighting, stencil
@@ -48,6 +49,60 @@ def test_pixels_lit_once_equal_the_mean_of_their_samples(rasterizer, make, scene
         # where a single sample stands for the pixel, silhouettes are far off
         hard = rasterizer.render(scene, camera, samples=1).pixels
         assert (np.abs(hard - each).max(axis=-1) / each.max() > 1e-3).mean() > 1 / 50
+
+
+def cube(side):
+    corners, normals = [], []
+    for axis, sign in ((a, s) for a in range(3) for s in (-1.0, 1.0)):
+        normal, across = sign * np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
+        up = np.cross(normal, across)
+        corners += [
+            (normal + i * across + j * up) * side / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
+        normals += [normal] * 4
+    faces = (4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return Mesh(np.array(corners), faces.astype(np.int32), np.array(normals))
+
+
+@pytest.mark.parametrize("formulas", ["alike", "other"])
+@pytest.mark.parametrize("casts_shadows", [False, True])
+def test_no_pixel_is_dark_between_solids(rasterizer, make, formulas, casts_shadows):
+    """Three cubes, each before the next, under one distant lamp: whatever a pixel shows of them is lit, where it lies
+    between two bodies too. Flat faces without shadows have the same radiance either way; a shadow's edge may be moved
+    within its pixel, in at most one of 2000."""
+    brdfs = [Lambert(0.3), Lambert(0.5), Phong() if formulas == "other" else Lambert(0.7)]
+    bodies = tuple(
+        Body(f"/cube{i}", cube(1.0), Material(f"m{i}", brdf), make.at(1.3 * i - 1.3, 0.2 * i, 0))
+        for i, brdf in enumerate(brdfs)
+    )
+    pose = make.facing((1, -2, 3), (0, 0, 0))
+    lamp = Light("/lamp", LightKind.DISTANT, (3.0, 3.0, 3.0), pose, casts_shadows=casts_shadows)
+    camera = make.pinhole((2, -4, 3), (0, 0, 0), (160, 120), 0.8)
+    each, once = (
+        rasterizer.render(Scene(bodies, (lamp,)), camera, samples=4, shading=way).pixels[..., 0]
+        for way in ("sample", "pixel")
+    )
+    assert (each > 0).mean() > 0.2
+    off = np.abs(once - each) > 1e-3 * each.max()
+    assert off.mean() < (1 / 2000 if casts_shadows else 1e-9)
+
+
+@pytest.mark.parametrize("before", ["nothing", "bodies"])
+def test_a_scene_without_bodies_is_dark(make, scene, before):
+    """Also after an image that left bodies and their materials on the GPU."""
+    camera = make.pinhole((2.5, -3, 2), (0, 0, 0), (32, 24), 0.9)
+    with Rasterizer() as renderer:
+        if before == "bodies":
+            assert renderer.render(scene, camera, samples=4, shading="pixel").pixels.any()
+        for samples in (4, 8):
+            image = renderer.render(
+                Scene((), scene.lights), camera, ("object_id",), True, samples, shading="pixel"
+            )
+            assert not image.pixels.any()
+            assert not image.passes["light:/lamp"].any()
+            assert (image.passes["object_id"] == -1).all()
+        again = renderer.render(scene, camera, samples=4, shading="pixel").pixels
+    assert again.any()
 
 
 def test_each_lamp_alone_lit_once_sums_to_the_image(rasterizer, make, scene):

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic
 from realtime.virtual_camera.camera import VirtualCamera
@@ -56,6 +57,27 @@ def test_dn_above_black_go_with_exposure_time_and_with_gain_in_dB(camera, t_exp,
     camera.configure(t_exp=t_exp, gain_dB=gain_dB)
     # 288 pixels of 509 or, at half the time, 255 e-, with 5 e- of read noise: σ of the ratio 0.47 %; four of it
     assert white() / one == pytest.approx(t_exp / 1e-3 * 10 ** (gain_dB / 20), rel=0.019)
+
+
+@pytest.mark.parametrize("gain_dB", [0.0, 12.0])
+@pytest.mark.parametrize("electrons", [0.5, 20.0, 255.0])
+def test_the_mean_of_dark_frames_is_that_of_their_electrons(bench, gain_dB, electrons):
+    """DN - black = K e 10^(g / 20), and its variance K² 10^(g / 10) (e + σ_d²) + 1/12, where noise outweighs light too:
+    nothing of it is cut off below, as black lies eight σ above zero."""
+    sensor = replace(bench.cameras[0].sensor, resolution=(320, 240))
+    scene = replace(bench, cameras=(replace(bench.cameras[0], sensor=sensor),))
+    radiance = electrons / (sensor.responsivity * 5e-4)
+
+    def even(scene, camera, passes):
+        return Image(np.full((240, 320, 3), radiance, np.float32), Quantity.RADIANCE, camera)
+
+    with VirtualCamera(scene, format="Mono12", draw=even, t_exp=5e-4, gain_dB=gain_dB) as camera:
+        dn = np.stack([camera.read()[1] for _ in range(2)]).astype(float) - 64
+    K = (4095 - 64) / 10_000 * 10 ** (gain_dB / 20)
+    variance = K**2 * (electrons + 25) + 1 / 12
+    # four σ of the mean over N pixels, and of their variance, relatively the root of 2 / N
+    assert dn.mean() == pytest.approx(K * electrons, abs=4 * np.sqrt(variance / dn.size))
+    assert dn.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / dn.size))
 
 
 def test_a_frame_has_the_noise_of_its_sensor(camera):
