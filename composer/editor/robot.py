@@ -130,9 +130,16 @@ class Robot:
         self.frames(3)
 
     def key(self, chord: str) -> None:
-        """In xdotool's words: ctrl+s, Return, F2."""
-        self.tool("key", chord)
-        self.frames(2)
+        """In xdotool's words: ctrl+s, Return, F2. Held for a frame or more, as by a hand: a window that is slow would
+        else see a chord's keys go up before they came down together."""
+        keys = chord.split("+")
+        for key in keys:
+            self.tool("keydown", key)
+            self.frames(1)
+        for key in reversed(keys):
+            self.tool("keyup", key)
+            self.frames(1)
+        self.frames(1)
 
     def type(self, text: str) -> None:
         self.tool("type", "--delay", 5, text)
