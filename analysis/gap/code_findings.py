@@ -16,6 +16,9 @@ COMB = 1.4  # DN from one value that occurs to the next, from which on it is a c
 LEAST_VALUES = 24  # that must occur
 SPIKE = 5.0  # times as many pixels as at the DN below, at which an image is cut off
 LEAST_CUT = 30  # pixels
+LEAST_LOWER = (
+    0.01  # that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
+)
 QUALITIES = range(20, 100, 2)
 SHALLOW = 0.85  # dip of what compressing once more changes, that chance makes
 
@@ -79,6 +82,8 @@ def saturation(conditions: Sequence[Condition], simulations: Sequence[np.ndarray
             return None
         return NoiseFinding("saturation", certainty(-3.0), {"full_well": Number(sensor.full_well, 0.0, "e-")})
     level, pixels = cut
+    if level > (1 - LEAST_LOWER) * (2**sensor.bits_out - 1):
+        return NoiseFinding("saturation", certainty(-3.0), {"full_well": Number(sensor.full_well, 0.0, "e-")})
     full = (level - sensor.black_level) / sensor.K
     log_odds = min(pixels / 10, 50.0) - 3
     return NoiseFinding(

@@ -153,6 +153,18 @@ def test_a_sensor_that_saturates_at_its_highest_value_is_what_the_sheet_says() -
     assert told.probability < 0.05
 
 
+def test_a_cut_that_a_wrong_black_level_makes_is_no_finding() -> None:
+    """Black 1 DN below the sheet's: the highest DN of all is 4094. Two nulls of a blind set were called saturated."""
+    found, said = _rig(3, power=3.0)
+    lower = [
+        replace(c, captures=tuple(replace(x, pixels=np.maximum(x.pixels - 1, 0)) for x in c.captures))
+        for c in found
+    ]
+    told = saturation(lower, said)
+    assert told is not None
+    assert told.probability < 0.05
+
+
 @pytest.mark.parametrize(("quality", "halved"), [(0, False), (40, False), (80, True), (92, False)])
 def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -> None:
     found, _ = _rig(4, sheet=replace(SHEET, bit_depth=8, black_level=4, full_well=2e4))
