@@ -3,16 +3,17 @@
 Compiled by Numba on first use and kept on disk. They work on bands of rows and let other threads run.
 """
 
-import numba
 import numpy as np
 from scipy.special import ndtri
+
+from interchange.compiled import jit
 
 CELLS = 4096  # equally likely parts of the normal distribution
 # the bounds of those parts; the first and the last reach to infinity and are drawn otherwise
 EDGES = ndtri(np.arange(CELLS + 1) / CELLS).astype(np.float32)
 TAIL = float(EDGES[-2])
 
-compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+compiled = jit(nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 
 
 @compiled

@@ -7,9 +7,9 @@ has, and use none of them. Inner loops read from buffers that begin with a cache
 across two of them take twice the time.
 """
 
-import numba
 import numpy as np
 
+from interchange.compiled import jit
 from interchange.kernels import compiled
 
 LINE = 16  # float32 in a cache line
@@ -18,9 +18,7 @@ SLACK = 4 * CHUNK  # float32 beyond a plane's end
 STEP = np.uint64(CHUNK)  # an index that is not signed needs no test for being negative
 
 # sums may be reordered: of some 20 numbers of one sign, an error of 20 · 2^-24
-summing = numba.njit(
-    nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}
-)
+summing = jit(nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
 
 
 @compiled

@@ -21,6 +21,7 @@ import numpy as np
 from numba import types
 
 from analysis.fit.vector_math import exp, log, power
+from interchange.compiled import jit
 from interchange.dual import Dual
 from interchange.problems import BrightfieldError
 from interchange.shader import PYTHON, Body, Traced, spell
@@ -199,7 +200,7 @@ def _solve(
         _covariance(normal, cost / max(used - size, 1), covariance_out[i])
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@jit(error_model="numpy", nogil=True)
 def _turn(frame: np.ndarray, w: np.ndarray, out: np.ndarray) -> None:
     """(3, L) directions of the world in a frame."""
     for k in range(w.shape[1]):
@@ -223,7 +224,7 @@ def _candidates(look: Any, starts: np.ndarray, u: np.ndarray, v: np.ndarray, lin
     return found
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+@jit(error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def _start(
     grid: np.ndarray,
     starts: np.ndarray,
@@ -253,7 +254,7 @@ def _start(
     return x
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+@jit(error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def _sums(y: np.ndarray, w: np.ndarray, out: np.ndarray, normal: np.ndarray, g: np.ndarray) -> float:
     """The cost, with the lower half of J^T W J and J^T W r, of a formula's values and derivatives."""
     total = 0.0
@@ -327,7 +328,7 @@ TOLERANCE = 1e-13  # of the cost: what is left to gain
 SLOW = 1e-9  # of the cost: what a step gained
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@jit(error_model="numpy", nogil=True)
 def _step(normal: np.ndarray, g: np.ndarray, rests: np.ndarray, damping: float) -> np.ndarray:
     """Solve (A + damping diag A) s = -g over the parameters that do not rest, by Cholesky."""
     size = len(g)
@@ -359,7 +360,7 @@ def _step(normal: np.ndarray, g: np.ndarray, rests: np.ndarray, damping: float) 
     return s
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@jit(error_model="numpy", nogil=True)
 def _covariance(normal: np.ndarray, variance: float, out: np.ndarray) -> None:
     """variance A^-1; infinite for a parameter that nothing depends on, or that others can stand in for (its variance
     grows by more than 1e10 for their sake)."""
@@ -380,6 +381,6 @@ def _covariance(normal: np.ndarray, variance: float, out: np.ndarray) -> None:
 @lru_cache(maxsize=1)
 def _kernels() -> tuple[Any, Any]:
     """``_solve`` and ``_candidates`` compiled for any formula; kept on disk from one run to the next."""
-    solve = numba.njit(_KERNEL, error_model="numpy", nogil=True, cache=True)(_solve)
+    solve = jit(_KERNEL, error_model="numpy", nogil=True)(_solve)
     blocks = types.float64[:, :, ::1](FORMULA, _BLOCK, _BLOCK, _BLOCK, types.int64)
-    return solve, numba.njit(blocks, error_model="numpy", cache=True)(_candidates.py_func)
+    return solve, jit(blocks, error_model="numpy")(_candidates.py_func)

@@ -57,11 +57,7 @@ def read_camera(
     f_stop = usd.GetFStopAttr().Get(time)
     focus = usd.GetFocusDistanceAttr().Get(time) * unit
     orthographic = usd.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
-    clip = usd.GetClippingRangeAttr()
-    if clip.HasAuthoredValue():
-        near, far = (c * unit for c in clip.Get(time))
-    else:  # the schema's own, from 1 unit on, would cut a station in metres away
-        near, far = CLIP
+    near, far = clipping_range(usd, time, unit)
     if not 0 <= near < far:
         find.error(
             f"clippingRange must rise from 0; got ({near / unit:g}, {far / unit:g}).", prim, "clippingRange"
@@ -113,3 +109,12 @@ def read_camera(
 
 def is_camera(prim: Any) -> bool:
     return bool(prim.IsA(UsdGeom.Camera))
+
+
+def clipping_range(usd: UsdGeom.Camera, time: Usd.TimeCode, unit: float) -> tuple[float, float]:
+    """m. Where nothing is said, ours: the schema's own, from 1 unit on, would cut a station in metres away."""
+    given = usd.GetClippingRangeAttr()
+    if not given.HasAuthoredValue():
+        return CLIP
+    near, far = given.Get(time)
+    return near * unit, far * unit

@@ -275,7 +275,7 @@ def test_worker_that_fails_twice_is_one_clear_error(build):
         ),
     ):
         renderer.render(replace(room(build), time=3.0), camera, CyclesSettings(samples=2**20))
-    assert time.monotonic() - began < 20
+    assert time.monotonic() - began < 120  # two starts of Cycles and two seconds, on a busy machine
     with (
         Cycles(memory=50 * 2**20) as renderer,
         pytest.raises(BrightfieldError, match="needed more than 50 MiB of memory"),

@@ -7,6 +7,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from interchange.formats.collada.extra import format_numbers, prim_element
 from interchange.formats.collada.xml_writer import Output, add, add_extra, add_kept_extras, add_name
+from interchange.formats.usd_camera import clipping_range
 from interchange.formats.usd_light import read_light
 from interchange.formats.usd_read import SceneReader
 from interchange.formats.usd_values import Finder
@@ -80,7 +81,8 @@ def write_camera(prim: Usd.Prim, time: Usd.TimeCode, out: Output) -> str | None:
     usd = UsdGeom.Camera(prim)
     width, height = usd.GetHorizontalApertureAttr().Get(time), usd.GetVerticalApertureAttr().Get(time)
     focal = usd.GetFocalLengthAttr().Get(time)
-    near, far = usd.GetClippingRangeAttr().Get(time)
+    unit = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+    near, far = (c / unit for c in clipping_range(usd, time, unit))
     if not (width > 0 and height > 0 and focal > 0):
         out.find.loss("A camera needs apertures and a focal length above 0; it is left out.", prim)
         return None
