@@ -8,8 +8,8 @@ off goes on where it stopped.
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol, Self, TypeVar
 
 from interchange.formats.base import Options
 from interchange.problems import BrightfieldError
@@ -18,6 +18,21 @@ from offline.settings import CyclesSettings
 
 TRIES = 3  # workers that may die under one frame before the frame is given up
 WINDOW = 4  # frames a worker that are handed out ahead
+
+
+class BatchJob(Protocol):
+    """What a batch is made of: data that say which file is to be made. ``key`` names all that decides it."""
+
+    @property
+    def out(self) -> str: ...
+
+    @property
+    def key(self) -> str: ...
+
+    def with_threads(self, threads: int) -> Self: ...
+
+
+J = TypeVar("J", bound=BatchJob)
 
 
 @dataclass(frozen=True)
@@ -43,16 +58,20 @@ class Report:
 
 
 def run(
-    jobs: Sequence[FrameJob],
+    jobs: Sequence[J],
     scheduler: str | None = None,
     workers: int = 0,
     progress: Callable[[Progress], None] = lambda p: None,
+    work: Callable[[J], float] = work,  # type: ignore[assignment]  # the jobs' own
+    is_done: Callable[[J], bool] = is_done,  # type: ignore[assignment]
 ) -> Report:
     """Render what is not finished yet.
 
     ``scheduler``: address of a Dask scheduler, whose workers need this program and the same paths; None starts a
     cluster of ``workers`` processes here (0: one for every four processor threads), which share the threads.
     Frames that fail are in the report with their reason; the others go on. After Ctrl-C the finished frames stay.
+    ``work`` makes a job's file in a worker process and returns the seconds it took; ``is_done`` says whether the file
+    is there, of this very job.
     """
     began = time.monotonic()
     outs = [job.out for job in jobs]
@@ -73,7 +92,7 @@ def run(
 
     tell()
     if todo:
-        for job, result in _results(todo, scheduler, workers):
+        for job, result in _results(todo, scheduler, workers, work):
             if isinstance(result, float):
                 done.append(job.out)
                 spent += result
@@ -84,8 +103,8 @@ def run(
 
 
 def _results(
-    jobs: Sequence[FrameJob], scheduler: str | None, workers: int
-) -> Iterator[tuple[FrameJob, float | str]]:
+    jobs: Sequence[J], scheduler: str | None, workers: int, work: Callable[[J], float]
+) -> Iterator[tuple[J, float | str]]:
     """(job, seconds or reason) as they come, in no order."""
     import dask
     import distributed
@@ -108,14 +127,11 @@ def _results(
                 n_workers=count, threads_per_worker=1, processes=True, memory_limit=0, dashboard_address="127.0.0.1:0",
                 silence_logs=50,
             )  # fmt: skip
-            jobs = [
-                job if job.settings.threads else replace(job, settings=replace(job.settings, threads=threads))
-                for job in jobs
-            ]
+            jobs = [job.with_threads(threads) for job in jobs]
         try:
             with Client(cluster or scheduler, timeout=5) as client:
                 waiting = iter(jobs)
-                handed: dict[Any, FrameJob] = {}
+                handed: dict[Any, J] = {}
 
                 def hand() -> Any:
                     job = next(waiting, None)

@@ -43,6 +43,12 @@ class FrameJob:
             del about["settings"][name]
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
 
+    def with_threads(self, threads: int) -> "FrameJob":
+        """The job on that many processor threads, where it does not say how many."""
+        if self.settings.threads:
+            return self
+        return replace(self, settings=replace(self.settings, threads=threads))
+
 
 def is_done(job: FrameJob) -> bool:
     """Whether the job's file is there, whole, and of this very job."""

@@ -1,0 +1,81 @@
+"""A plan as data: which scene, what varies and how, what must hold, which renderer, what is written."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.sweep.sampling import Axis, Method
+
+RENDERERS = ("realtime", "offline")
+SAMPLES = {"realtime": 16, "offline": 64}
+WRITES = ("exr", "png", "coco", "bop")
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """``samples`` a pixel; ``bounces`` and ``denoise`` matter to path tracing alone."""
+
+    name: str = "realtime"
+    samples: int = 16
+    bounces: int = 6
+    denoise: bool = False
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One defect of a plan. ``numbers`` are those that the plan says and that do not vary, in the declared units."""
+
+    kind: str
+    number: int  # among those of its kind
+    on: str  # the object's path
+    at: tuple[float, float, float] | None = None  # m, in the object's frame
+    normal: tuple[float, float, float] | None = None
+
+    @property
+    def name(self) -> str:
+        return f"defects.{self.kind}[{self.number}]"
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A number that changes with time: linear between its samples, held before and after them."""
+
+    address: str
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def at(self, time: float) -> float:
+        return float(np.interp(time, self.times, self.values))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """``fixed``: numbers that are set to one value; ``units`` of all addresses, for people."""
+
+    file: Path
+    scene: Path
+    cameras: tuple[str, ...]  # paths
+    times: tuple[float, ...]
+    rendering: Rendering
+    method: Method
+    count: int
+    seed: int
+    axes: tuple[Axis, ...]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    moving: tuple[Moving, ...] = ()
+    defects: tuple[Defect, ...] = ()
+    constraints: tuple[Any, ...] = ()
+    objects: tuple[str, ...] = ()  # paths of what has a ground truth
+    units: Mapping[str, str] = field(default_factory=dict)
+    writes: tuple[str, ...] = WRITES
+    width: int = 0  # px, 0 leaves the cameras' own
+    noise: bool = True  # of the sensor
+    text: str = ""  # the file's own
+
+    def values_at(self, row: np.ndarray, time: float) -> dict[str, float]:
+        """Every number that the plan sets, by address, for a row of the design."""
+        sampled = {axis.address: float(x) for axis, x in zip(self.axes, row, strict=True)}
+        return {**self.fixed, **sampled, **{m.address: m.at(time) for m in self.moving}}

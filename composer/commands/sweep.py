@@ -1,0 +1,65 @@
+"""`brightfield sweep PLAN.yaml`: image series over declared parameters, with ground truth, as datasets."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from composer.progress import duration, progress_line
+from interchange.problems import BrightfieldError
+
+HELP = "render a series over any declared parameters, defects included, to BOP, COCO and EXR with a manifest"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("plan", type=Path, metavar="PLAN.yaml")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="(default: the plan's name, beside it)")
+    where = parser.add_argument_group("where it runs")
+    where.add_argument("--workers", type=int, default=0, help="worker processes on this machine")
+    where.add_argument(
+        "--scheduler", metavar="ADDRESS", help="a running Dask scheduler, when one machine is not enough"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="read the plan and draw its samples, render nothing"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    from analysis.sweep.plan_file import read
+    from analysis.sweep.run import design, sweep
+    from composer.contact_sheet import of_manifest, write_contact_sheet
+    from interchange.formats import parquet
+
+    if args.workers < 0:
+        raise BrightfieldError(f"--workers must be 0 or more; got {args.workers}.")
+    plan = read(args.plan)
+    if args.check:
+        made = design(plan)
+        frames = len(made.rows) * len(plan.times) * len(plan.cameras)
+        print(f"{len(made.rows)} samples, {frames} frames.")
+        _told(made.rejected, made.drawn)
+        return 0
+    out = args.out or args.plan.with_suffix("")
+    done = sweep(
+        plan,
+        out,
+        args.scheduler,
+        args.workers,
+        lambda p: progress_line(p.done, p.total, p.left, p.failed),
+    )
+    rows, _ = parquet.read(out / "manifest.parquet")
+    if rows and "file.image" in rows[0]:
+        varying = [*(a.address for a in plan.axes), *(m.address for m in plan.moving)]
+        write_contact_sheet(out / "contact_sheet.png", of_manifest(out, rows, varying))
+    s = done.summary
+    print(f"{s['samples']} samples, {done.frames} frames in {out}, {duration(done.seconds)}.")
+    if done.skipped:
+        print(f"{done.skipped} frames were there already.")
+    _told(s["rejected"], s["drawn"])
+    for file, reason in done.failed:
+        print(f"brightfield: {file}: {reason}", file=sys.stderr)
+    return 2 if done.failed else 0
+
+
+def _told(rejected: dict[str, int], drawn: int) -> None:
+    for name, count in rejected.items():
+        print(f"{count} of {drawn} samples were rejected: {name}.")
