@@ -2,10 +2,10 @@
 
 Blender 5.0's programmable camera loses the data that shaders need to cast shadow rays (its globals are zeroed for
 every camera ray), so a lens that Cycles' own camera does not have is drawn with a pinhole of finer pixels that
-covers the field. Each fine pixel is carried through the lens model and counted to the pixels that it lies on, by
-area: the box filter, on an image that is constant within a fine pixel.
+covers the field, in bands of rows (``bands``), and carried through the lens model by ``offline.gathering``.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,11 @@ from interchange.camera import Camera, Projection
 from interchange.distortion import LensModel
 from interchange.problems import BrightfieldError
 
-MAX_PIXELS = 400_000_000
+MAX_PIXELS = 4_000_000_000
+BAND = 8_000_000  # px that Cycles holds at once, some 100 bytes each
+FINEST = (
+    8  # fine pixels along the side of a pixel: a pixel's spread is then 1.3 % more than that of its square
+)
 
 
 def is_native(camera: Camera) -> bool:
@@ -23,9 +27,11 @@ def is_native(camera: Camera) -> bool:
     return bool(abs(K[0, 0] / K[1, 1] - 1) < 1e-7) and not camera.lens.distorts
 
 
-def oversampling(samples: int) -> int:
-    """Fine pixels along the side of a pixel: enough that a pixel's samples are spread over it."""
-    return int(np.clip(round(np.sqrt(samples / 2)), 2, 8))
+def oversampling(samples: int) -> tuple[int, int]:
+    """Fine pixels along the side of a pixel, and samples of each: together as near to ``samples`` as 2 to 8 allow."""
+    each = {fine: max(1, round(samples / fine**2)) for fine in range(2, FINEST + 1)}
+    fine = min(each, key=lambda f: (abs(f**2 * each[f] - samples), -f))
+    return fine, each[fine]
 
 
 def wide_camera(camera: Camera, fine: int) -> Camera:
@@ -71,52 +77,18 @@ def wide_camera(camera: Camera, fine: int) -> Camera:
     )
 
 
-def gather(planes: dict[str, np.ndarray], wide: Camera, camera: Camera) -> dict[str, np.ndarray]:
-    """Means (H, W, C) over the sensor's pixels of planes (h, w, C) seen by ``wide``."""
-    (width, height), (w, h) = camera.sensor.resolution, wide.sensor.resolution
-    fine, K = wide.K, camera.K
-    column, row = np.meshgrid(np.arange(w), np.arange(h))
-    x, y = (column - fine[0, 2]) / fine[0, 0], (row - fine[1, 2]) / fine[1, 1]
-    u, v = camera.lens.distort(x, y)
-    with np.errstate(invalid="ignore"):
-        back_x, back_y = camera.lens.undistort(u, v)
-        seen = np.hypot(back_x - x, back_y - y) < 1e-6  # else beyond the fold: another point is imaged here
-    across = _shares(K[0, 0] * u + K[0, 2], axis=1)
-    down = _shares(K[1, 1] * v + K[1, 2], axis=0)
-    weights = np.zeros(width * height)
-    sums = {name: np.zeros((plane.shape[2], width * height)) for name, plane in planes.items()}
-    for i, share_i in across:
-        for j, share_j in down:
-            share = share_i * share_j
-            inside = seen & (share > 0) & (i >= 0) & (i < width) & (j >= 0) & (j < height)
-            target, share = (j[inside] * width + i[inside]).astype(np.int64), share[inside]
-            weights += np.bincount(target, share, width * height)
-            for name, plane in planes.items():
-                for c in range(plane.shape[2]):
-                    sums[name][c] += np.bincount(target, share * plane[..., c][inside], width * height)
-    if (weights <= 0).any():
-        raise BrightfieldError(
-            f"{(weights <= 0).sum()} pixels of a distorted image were not covered; take more samples."
+def bands(wide: Camera) -> Iterator[tuple[int, Camera]]:
+    """The first row of each band, and the camera that sees it alone."""
+    width, height = wide.sensor.resolution
+    cx, cy = wide.K[0, 2], wide.K[1, 2]
+    rows = max(1, BAND // width)
+    for first in range(0, height, rows):
+        size = (width, min(rows, height - first))
+        yield (
+            first,
+            replace(
+                wide,
+                sensor=replace(wide.sensor, resolution=size),
+                principal_point=(float(cx), float(cy - first)),
+            ),
         )
-    return {
-        name: (total / weights).T.reshape(height, width, -1).astype(np.float32)
-        for name, total in sums.items()
-    }
-
-
-def pick(plane: np.ndarray, wide: Camera, camera: Camera) -> np.ndarray:
-    """(H, W, C) of a plane (h, w, C) seen by ``wide``, at the fine pixels nearest to the sensor's pixel centres."""
-    (width, height), K, fine = camera.sensor.resolution, camera.K, wide.K
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    x, y = camera.lens.undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1])
-    i, j = np.rint(fine[0, 0] * x + fine[0, 2]).astype(int), np.rint(fine[1, 1] * y + fine[1, 2]).astype(int)
-    return np.asarray(plane[j, i])
-
-
-def _shares(place: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Along one axis, the two pixels that a fine pixel centred at ``place`` may lie on, and its share on each."""
-    half = np.abs(np.gradient(place, axis=axis)) / 2
-    first = np.floor(place - half + 0.5)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.clip((first + 0.5 - (place - half)) / (2 * half), 0, 1)
-    return [(first, share), (first + 1, 1 - share)]

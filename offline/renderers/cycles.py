@@ -20,11 +20,12 @@ from interchange.image import Image, check_passes
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from offline import visible_lamps
+from offline.gathering import Gathering, pick
 from offline.passes import assemble
 from offline.process import Worker, WorkerDied
 from offline.protocol import Job, Reply
 from offline.settings import CyclesSettings
-from offline.wide import gather, is_native, oversampling, pick, wide_camera
+from offline.wide import bands, is_native, oversampling, wide_camera
 
 TRUTH = {"depth", "position", "normal", "object_id", "material_id", "motion"}
 
@@ -110,27 +111,35 @@ class Cycles:
 
     def _through_lens(self, job: Job) -> tuple[dict[str, np.ndarray], Reply]:
         """What needs shadow rays by a wide pinhole image (``offline.wide``); what stands at pixel centres exactly."""
-        fine = oversampling(job.settings.samples)
-        wide = wide_camera(job.camera, fine)
-        spread = replace(job.settings, samples=max(1, round(job.settings.samples / fine**2)))
-        arrays, reply = self._arrays(replace(job, camera=wide, settings=spread, truth=False))
-        lit = arrays.pop("lit", None)
-        lamps = arrays.pop("light", None)
-        planes = {**arrays, **{f"light {k}": plane for k, plane in enumerate(() if lamps is None else lamps)}}
-        gathered = gather(planes, wide, job.camera)
-        result = {name: gathered[name] for name in arrays}
-        if lamps is not None:
-            size = job.camera.sensor.resolution[::-1]
-            each = [gathered[f"light {k}"] for k in range(len(lamps))]
+        camera = job.camera
+        size = camera.sensor.resolution[::-1]
+        fine, samples = oversampling(job.settings.samples)
+        wide = wide_camera(camera, fine)
+        spread = replace(job.settings, samples=samples)
+        gathering, count = Gathering(wide, camera), len(job.scene.lights)
+        lit = np.zeros((*size, count), np.float32)
+        seconds: dict[str, float] = {}
+        for first, band in bands(wide):
+            arrays, reply = self._arrays(replace(job, camera=band, settings=spread, truth=False))
+            if job.lit:
+                pick(arrays.pop("lit"), wide, camera, first, lit)
+            lamps = arrays.pop("light", ())
+            gathering.add({**arrays, **{f"light {k}": plane for k, plane in enumerate(lamps)}}, first)
+            for name, spent in reply.seconds.items():
+                seconds[name] = seconds.get(name, 0.0) + spent
+        means = gathering.means()
+        result = {name: plane for name, plane in means.items() if not name.startswith("light ")}
+        if job.per_light:
+            each = [means[f"light {k}"] for k in range(count)]
             result["light"] = np.stack(each) if each else np.zeros((0, *size, 3), np.float32)
-        if lit is not None:
-            result["lit"] = pick(lit, wide, job.camera)
+        if job.lit:
+            result["lit"] = lit
         if job.truth:
             dark = replace(
                 job, scene=replace(job.scene, lights=()), lit=False, per_light=False, centres_only=True
             )
             result.update(self._arrays(dark)[0])
-        return result, reply
+        return result, replace(reply, seconds=seconds)
 
     def _ask(self, job: Job) -> Reply:
         causes: list[str] = []
