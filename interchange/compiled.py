@@ -32,7 +32,10 @@ def jit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]],
 class LockedCache(FunctionCache):
     def load_overload(self, *args: Any) -> Any:
         with self._alone():
-            return super().load_overload(*args)  # type: ignore[no-untyped-call]
+            try:
+                return super().load_overload(*args)  # type: ignore[no-untyped-call]
+            except ModuleNotFoundError:  # kept by a process that had loaded this file under another name
+                return None
 
     def save_overload(self, *args: Any) -> None:
         with self._alone():

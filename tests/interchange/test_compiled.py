@@ -34,3 +34,25 @@ def test_two_processes_that_start_at_once_do_not_mix_their_code(tmp_path: Path) 
     assert [p.wait() for p in both] == [0, 0]
     done = subprocess.run([sys.executable, "-c", READ], env=env, check=False)
     assert done.returncode == 0
+
+
+AS_B = """
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+spec = spec_from_file_location(sys.argv[1], sys.argv[2])
+module = sys.modules[sys.argv[1]] = module_from_spec(spec)
+spec.loader.exec_module(module)
+assert module.twice(3) == 6
+"""
+
+
+def test_what_a_file_left_under_another_name_is_compiled_anew(tmp_path: Path) -> None:
+    (tmp_path / "doubling.py").write_text(MODULE)
+    env = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    for name in ("b", "c"):
+        command = [sys.executable, "-c", AS_B, name, str(tmp_path / "doubling.py")]
+        assert subprocess.run(command, env=env, check=False).returncode == 0
