@@ -15,28 +15,25 @@ from typing import Any
 
 import numpy as np
 
-from analysis.sweep.address import set_values
 from analysis.sweep.job import Bench, SweepJob
-from analysis.sweep.truth import instances
+from analysis.sweep.placing import scene_of
+from analysis.sweep.truth import Instance, instances
 from interchange.exposure import expose
 from interchange.formats import bop, exr, images
-from interchange.scene import Scene
-
-
-def scene_of(base: Scene, values: dict[str, float]) -> Scene:
-    """The scene as a sample has it."""
-    return set_values(base, {a: x for a, x in values.items() if not a.startswith("defects.")})
 
 
 def make(job: SweepJob, bench: Bench) -> dict[str, Any]:
     """The frame's files in ``job.folder``; returns its record."""
     began = time.perf_counter()
     values = dict(job.values)
-    scene = scene_of(bench.scene(job), values)
+    scene, placed = scene_of(bench.scene(job), values, job.defects)
     camera = scene.camera(job.camera)
     camera = camera.resized(job.width) if job.width else camera
     image = bench.render(scene, camera, job)
-    found = instances(bench.live(job.threads), scene, camera, image, job.objects, "bop" in job.writes)
+    live = bench.live(job.threads)
+    parts = {d.on: [n for e, p in placed for n in p.names if e.on == d.on] for d, _ in placed}
+    found = instances(live, scene, camera, image, job.objects, parts, "bop" in job.writes)
+    found += [Instance(d.name, d.kind, *p.truth(live, camera, image)) for d, p in placed]
     folder, name = Path(job.folder), f"{job.frame:06d}"
     made_by = {**image.made_by, "sweep_job": job.key, "values": values}
     files: dict[str, str] = {}

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from analysis.sweep.plan import Defect, Rendering
+from analysis.sweep.plan import PlannedDefect, Rendering
 from interchange.camera import Camera
 from interchange.formats.atomic import written_beside
 from interchange.image import Image
@@ -30,7 +30,7 @@ class SweepJob:
     frame: int
     sample: int
     values: tuple[tuple[str, float], ...]
-    defects: tuple[Defect, ...]
+    defects: tuple[PlannedDefect, ...]
     objects: tuple[str, ...]
     rendering: Rendering
     seed: int

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.sweep.sampling import Axis, Method
+from analysis.sweep.surface import Anchor
 
 RENDERERS = ("realtime", "offline")
 SAMPLES = {"realtime": 16, "offline": 64}
@@ -25,18 +26,22 @@ class Rendering:
 
 
 @dataclass(frozen=True)
-class Defect:
-    """One defect of a plan. ``numbers`` are those that the plan says and that do not vary, in the declared units."""
+class PlannedDefect:
+    """One defect of a plan. ``number``: among those of its kind; ``on``: the object's path."""
 
     kind: str
-    number: int  # among those of its kind
-    on: str  # the object's path
-    at: tuple[float, float, float] | None = None  # m, in the object's frame
-    normal: tuple[float, float, float] | None = None
+    number: int
+    on: str
+    anchor: Anchor
 
     @property
     def name(self) -> str:
         return f"defects.{self.kind}[{self.number}]"
+
+    @property
+    def label(self) -> str:
+        """What its own surface is called in a scene."""
+        return f"{self.on}/{self.kind}_{self.number}"
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class Plan:
     axes: tuple[Axis, ...]
     fixed: Mapping[str, float] = field(default_factory=dict)
     moving: tuple[Moving, ...] = ()
-    defects: tuple[Defect, ...] = ()
+    defects: tuple[PlannedDefect, ...] = ()
     constraints: tuple[Any, ...] = ()
     objects: tuple[str, ...] = ()  # paths of what has a ground truth
     units: Mapping[str, str] = field(default_factory=dict)

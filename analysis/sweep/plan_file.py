@@ -5,11 +5,14 @@ from typing import Any
 
 from analysis.sweep.address import is_named, knob
 from analysis.sweep.axis_file import is_number, read_axis
+from analysis.sweep.defect_file import declared_of, read_defects
 from analysis.sweep.findings import Findings
-from analysis.sweep.plan import RENDERERS, SAMPLES, WRITES, Plan, Rendering
+from analysis.sweep.placing import PREFIX
+from analysis.sweep.plan import RENDERERS, SAMPLES, WRITES, Moving, Plan, PlannedDefect, Rendering
 from analysis.sweep.sampling import Axis, Method
 from analysis.sweep.strict_yaml import load
 from interchange.formats.document import open_scene
+from interchange.parameter import Parameter
 from interchange.problems import BrightfieldError, FileError, did_you_mean
 from interchange.scene import Scene
 
@@ -38,25 +41,35 @@ def read(path: Path | str) -> Plan:
         parameters = {}
     axes: list[Axis] = []
     fixed: dict[str, float] = {}
-    moving = []
+    moving: list[Moving] = []
     units: dict[str, str] = {}
-    for address, spec in parameters.items():
-        key = f"parameters.{address}"
-        if scene is None:
-            continue
-        try:
-            found = knob(scene, str(address))
-        except BrightfieldError as error:
-            wrong(key, str(error))
-            continue
-        units[str(address)] = found.about.unit
-        axis = read_axis(str(address), spec, found.about, found.unit, key, wrong, method)
+
+    def take(address: str, spec: Any, about: Parameter, unit: str, key: str) -> None:
+        if address in units:
+            wrong(key, f"{address} must be said once; it stands here and with its defect.")
+            return
+        units[address] = about.unit
+        axis = read_axis(address, spec, about, unit, key, wrong, method)
         if isinstance(axis, Axis):
             axes.append(axis)
         elif isinstance(axis, float):
-            fixed[str(address)] = axis
+            fixed[address] = axis
         elif axis is not None:
             moving.append(axis)
+
+    defects: tuple[PlannedDefect, ...] = ()
+    if scene is not None:
+        defects = read_defects(data.get("defects", []), scene, wrong, take)
+        for address, spec in parameters.items():
+            key = f"parameters.{address}"
+            try:
+                if str(address).startswith(PREFIX):
+                    take(str(address), spec, declared_of(str(address), defects), "", key)
+                else:
+                    found = knob(scene, str(address))
+                    take(str(address), spec, found.about, found.unit, key)
+            except BrightfieldError as error:
+                wrong(key, str(error))
     if method is Method.LIST and len({a.size for a in axes}) > 1:
         sizes = ", ".join(f"{a.address} has {a.size}" for a in axes)
         wrong("parameters", f"With sampling by list all lists must be equally long; {sizes}.")
@@ -64,8 +77,9 @@ def read(path: Path | str) -> Plan:
     if wrong.problems:
         raise FileError(wrong.problems)
     return Plan(
-        path, scene_path, cameras, times, rendering, method, count, seed, tuple(axes), fixed, tuple(moving), (), (),
-        objects, units, writes, wrong.number(data, "width", "", 8, 65536, 0), wrong.flag(data, "noise", "", True), text,
+        path, scene_path, cameras, times, rendering, method, count, seed, tuple(axes), fixed, tuple(moving), defects,
+        (), objects, units, writes, wrong.number(data, "width", "", 8, 65536, 0),
+        wrong.flag(data, "noise", "", True), text,
     )  # fmt: skip
 
 

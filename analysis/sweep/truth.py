@@ -4,7 +4,7 @@
 alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -66,15 +66,29 @@ def alone(live: Any, scene: Scene, camera: Camera, names: Sequence[str]) -> np.n
     return ids_of(image) >= 0
 
 
+def drawn_mask(live: Any, scene: Scene, camera: Camera, names: Sequence[str]) -> np.ndarray:
+    """(H, W) where the objects are seen in a scene that is not the image's own."""
+    sharp = replace(camera, lens=replace(camera.lens, f_stop=0.0))
+    return mask_of(live.render(replace(scene, lights=()), sharp, ("object_id",), samples=1), names)
+
+
 def instances(
-    live: Any, scene: Scene, camera: Camera, image: Image, objects: Sequence[str], whole: bool
+    live: Any,
+    scene: Scene,
+    camera: Camera,
+    image: Image,
+    objects: Sequence[str],
+    parts: Mapping[str, Sequence[str]],
+    whole: bool,
 ) -> list[Instance]:
-    """Every object of ``objects`` that the scene has, in that order. ``whole``: also what is hidden."""
+    """Every object of ``objects`` that the scene has, in that order. ``parts``: an object's pieces of other names;
+    ``whole``: also what is hidden."""
     found = []
     for k, name in enumerate(objects):
         if name not in scene.object_names:
             continue
-        seen = mask_of(image, [name])
-        full = seen | alone(live, scene, camera, [name]) if whole else seen
+        names = [name, *parts.get(name, ())]
+        seen = mask_of(image, names)
+        full = seen | alone(live, scene, camera, names) if whole else seen
         found.append(Instance(name, "object", seen, full, k + 1))
     return found

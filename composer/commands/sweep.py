@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 
 from composer.progress import duration, progress_line
@@ -55,8 +56,10 @@ def run(args: argparse.Namespace) -> int:
     if done.skipped:
         print(f"{done.skipped} frames were there already.")
     _told(s["rejected"], s["drawn"])
-    for file, reason in done.failed:
-        print(f"brightfield: {file}: {reason}", file=sys.stderr)
+    for reason, count in Counter(reason for _, reason in done.failed).items():
+        file = next(f for f, r in done.failed if r == reason)
+        others = f" and {count - 1} others" if count > 1 else ""
+        print(f"brightfield: {file}{others}: {reason}", file=sys.stderr)
     return 2 if done.failed else 0
 
 
