@@ -15,6 +15,8 @@ import numpy as np
 
 from interchange.problems import BrightfieldError
 
+LEAST = 3  # frames that a prediction needs
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -40,17 +42,32 @@ class Verified:
     share: Mapping[str, float]
 
 
-def predict(measure: str, simulated: np.ndarray, coverage: float = 0.9) -> Prediction:
-    """From the scores (n,) of simulated frames; NaN ones are left out. Raises BrightfieldError for fewer than three."""
-    known = np.sort(simulated[np.isfinite(simulated)])
+def predict(
+    measure: str, simulated: np.ndarray, weights: np.ndarray | None = None, coverage: float = 0.9
+) -> Prediction:
+    """From the scores (n,) of simulated frames and their weights; NaN ones are left out. Raises BrightfieldError for
+    fewer than three.
+
+    With weights, a frame's mass is w / (Σ w + max w), the largest weight standing for the new frame's. Tibshirani et
+    al.: Conformal prediction under covariate shift. NeurIPS 2019.
+    """
+    w = np.ones(len(simulated)) if weights is None else np.asarray(weights, np.float64)
+    good = np.isfinite(simulated) & (w > 0)
+    order = np.argsort(simulated[good], kind="stable")
+    known, mass = simulated[good][order], w[good][order]
     n = len(known)
-    if n < 3:
+    if n < LEAST:
         raise BrightfieldError(
             f"A prediction of {measure} needs three frames or more that nothing was tuned on; there are {n}."
         )
-    k = max(1, int(np.floor((n + 1) * (1 - coverage) / 2)))
+    mass = mass / (mass.sum() + mass.max())
+    tail = (1 - coverage) / 2 + 1e-12
+    low = max(int(np.searchsorted(np.cumsum(mass), tail, side="right")) - 1, 0)
+    high = n - 1 - max(int(np.searchsorted(np.cumsum(mass[::-1]), tail, side="right")) - 1, 0)
+    inside = 1 - mass[: low + 1].sum() - mass[high:].sum()
+    median = known[min(int(np.searchsorted(np.cumsum(mass) / mass.sum(), 0.5)), n - 1)]
     return Prediction(
-        measure, float(np.median(known)), float(known[k - 1]), float(known[n - k]), 1 - 2 * k / (n + 1), n
+        measure, float(median), float(known[low]), float(known[high]), float(max(inside, 0.0)), n
     )
 
 

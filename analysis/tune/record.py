@@ -84,9 +84,9 @@ def write_tuning(folder: Path, session: Session, made_with: dict[str, Any]) -> P
             "scores": {
                 m: {
                     "unit": MEASURES[m].unit,
-                    "tuned_on": session.mean("tuned_on", m),
-                    "held_out": session.mean("held_out", m),
-                    "held_out_with_defaults": _mean(session.default_scores[m][session.held_out]),
+                    "tuned_on": session.mean(m, session.tuned_on),
+                    "held_out": session.mean(m, session.held_out),
+                    "held_out_with_defaults": session.mean(m, session.held_out, default=True),
                 }
                 for m in measures
             },
@@ -129,7 +129,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")

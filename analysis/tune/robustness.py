@@ -30,7 +30,8 @@ def slices(
 ) -> list[Slice]:
     """A slice of every parameter that was searched."""
     chosen = tuning.trials[tuning.chosen].parameters
-    best = aggregate(scores_of(tuning.best, frames, rules)[measure], measure)
+    weights = np.array([f.weight for f in frames])
+    best = aggregate(scores_of(tuning.best, frames, rules)[measure], measure, weights)
     found = []
     for name, bound in tuning.bounds.items():
         if bound.high <= bound.low:
@@ -46,7 +47,7 @@ def slices(
                 tried = tuning.algorithm(**{**chosen, name: kind(value)})
             except ParameterError:  # rounding just beyond a bound
                 continue
-            scores[i] = aggregate(scores_of(tried, frames, rules)[measure], measure)
+            scores[i] = aggregate(scores_of(tried, frames, rules)[measure], measure, weights)
         slack = share * max(abs(best), 1e-12)
         good = scores >= best - slack if MEASURES[measure].best == "high" else scores <= best + slack
         at = int(np.argmin(np.abs(values - chosen[name])))

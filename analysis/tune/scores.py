@@ -7,7 +7,7 @@ Where nothing is found, distances are the largest that could have been found.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -50,13 +50,15 @@ MEASURES = {
 class Rules:
     """How results are judged. ``roi`` px: half the width of the regions of interest along the edges; ``reach`` px:
     what counts as the same edge; ``tolerance`` px: error of a place or radius at which a gauge rejects a good
-    feature; ``placement`` px: rms by which a gauge is put down off the feature."""
+    feature; ``placement`` px: rms by which a gauge is put down off the feature; ``registration`` px: rms by which the
+    truth itself is put off, in each direction, as that of real images may be."""
 
     roi: float = 8.0
     reach: float = 2.0
     tolerance: float = 0.5
     placement: float = 1.5
     seed: int = 0
+    registration: float = 0.0
     patterns: Mapping[str, tuple[Pattern, np.ndarray]] = field(default_factory=dict)
 
 
@@ -71,6 +73,9 @@ def measures_of(finds: type) -> tuple[str, ...]:
 
 def score(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, float]:
     """Every measure of the algorithm's kind; NaN where the frame has nothing to be judged by."""
+    if rules.registration > 0:
+        rng = np.random.default_rng([rules.seed, *b"registration", *frame.name.encode()])
+        frame = replace(frame, truth=frame.truth.moved(rules.registration * rng.standard_normal(2)))
     if algorithm.finds is Edges:
         edges = frame.truth.edges
         if edges is None:
@@ -106,12 +111,10 @@ def edge_scores(found: Edges, truth: EdgeTruth, frame: Frame, rules: Rules) -> d
         return dict.fromkeys(measures_of(Edges), float("nan"))
     points = np.asarray(found.points, np.float64).reshape(-1, 2)
     points = points[inside(points, frame.usable, frame.image.shape)]  # type: ignore[arg-type]
-    kept = inside(truth.points, frame.usable, frame.image.shape)  # type: ignore[arg-type]
-    places, normals, line = truth.points[kept], truth.normals[kept], truth.line[kept]
-    tree = cKDTree(places)
-    away, nearest = tree.query(points, distance_upper_bound=rules.roi) if len(points) else (np.zeros(0),) * 2
+    places, normals, line = truth.points, truth.normals, truth.line
+    away, nearest = truth.near(points, rules.roi)
     of_interest = np.isfinite(away)
-    points, away, nearest = points[of_interest], away[of_interest], nearest[of_interest].astype(int)
+    points, away, nearest = points[of_interest], away[of_interest], nearest[of_interest]
     if not len(points):
         return {"edge_pixels": 0.0, "line_distance": rules.roi, "position": rules.reach} | dict.fromkeys(
             ("precision", "recall", "f1"), 0.0

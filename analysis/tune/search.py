@@ -122,13 +122,14 @@ def tune(
     sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, n_startup_trials=max(8, trials // 6))
     study = optuna.create_study(directions=directions, sampler=sampler)
     study.enqueue_trial(_within(default_parameters(algorithm), space))
+    weights = np.array([f.weight for f in frames])
     done: list[Trial] = []
 
     def attempt(trial: Any) -> tuple[float, ...]:
         chosen = {n: _suggest(trial, n, b) for n, b in space.items()}
         per_frame = scores_of(algorithm(**chosen), frames, rules)
-        values = tuple(aggregate(per_frame[o], o, worst) for o in objectives)
-        done.append(Trial(chosen, values, {n: _mean(v) for n, v in per_frame.items()}))
+        values = tuple(aggregate(per_frame[o], o, weights, worst) for o in objectives)
+        done.append(Trial(chosen, values, {n: mean(v, weights) for n, v in per_frame.items()}))
         if told is not None:
             told(len(done), trials)
         return values
@@ -162,16 +163,27 @@ def scores_of(algorithm: Algorithm, frames: Sequence[Frame], rules: Rules) -> di
     return {n: np.array([s[n] for s in each]) for n in measures_of(algorithm.finds)}
 
 
-def aggregate(values: np.ndarray, measure: str, worst: float = 1.0) -> float:
-    """The mean over the worst share of the frames; frames without a value are left out. Raises BrightfieldError where
-    none has one."""
-    known = np.sort(values[np.isfinite(values)])
-    if not len(known):
+def aggregate(values: np.ndarray, measure: str, weights: np.ndarray, worst: float = 1.0) -> float:
+    """The mean over the worst share of the frames, all (n,); frames without a value are left out. Raises
+    BrightfieldError where none has one."""
+    good = np.isfinite(values) & (weights > 0)
+    if not good.any():
         raise BrightfieldError(
             f"No frame of the series can be judged by {measure} ({MEASURES[measure].meaning})."
         )
-    count = max(1, int(np.ceil(worst * len(known))))
-    return float(np.mean(known[:count] if MEASURES[measure].best == "high" else known[-count:]))
+    x, w = values[good], weights[good]
+    order = np.argsort(x if MEASURES[measure].best == "high" else -x, kind="stable")
+    x, w = x[order], w[order]
+    share = w * np.clip(
+        (worst * w.sum() - (np.cumsum(w) - w)) / w, 0, 1
+    )  # of each frame that is among the worst
+    return float(np.sum(share * x) / share.sum())
+
+
+def mean(values: np.ndarray, weights: np.ndarray) -> float:
+    """Weighted, over the frames that have a value; NaN where none has."""
+    good = np.isfinite(values) & (weights > 0)
+    return float(np.average(values[good], weights=weights[good])) if good.any() else float("nan")
 
 
 def default_parameters(algorithm: type[Algorithm]) -> dict[str, float]:
@@ -208,7 +220,3 @@ def _suggest(trial: Any, name: str, bound: Bound) -> float:
 
 def _within(values: Mapping[str, float], space: Mapping[str, Bound]) -> dict[str, float]:
     return {n: min(max(values[n], b.low), b.high) for n, b in space.items()}
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")

@@ -13,10 +13,10 @@ import numpy as np
 from analysis.tune.algorithms.base import Algorithm
 from analysis.tune.found import Place
 from analysis.tune.frames import Frame, pattern_of
-from analysis.tune.prediction import Prediction, Verified, predict, verify
+from analysis.tune.prediction import LEAST, Prediction, Verified, predict, verify
 from analysis.tune.robustness import Slice, dependence, slices
 from analysis.tune.scores import Rules, measures_of
-from analysis.tune.search import Tuning, aggregate, scores_of, tune
+from analysis.tune.search import Tuning, mean, scores_of, tune
 from interchange.problems import BrightfieldError
 
 DEFAULT_OBJECTIVE = {"Edges": "f1", "Blobs": "f1"}  # of the kind found; else position
@@ -42,10 +42,11 @@ class Session:
     real_default: dict[str, np.ndarray]
     verified: Verified | None
 
-    def mean(self, which: str, measure: str) -> float:
-        """Of ``measure`` on "tuned_on" or "held_out" frames, NaN where none can be judged."""
-        values = self.scores[measure][getattr(self, which)]
-        return aggregate(values, measure) if np.isfinite(values).any() else float("nan")
+    def mean(self, measure: str, which: np.ndarray, default: bool = False) -> float:
+        """Of ``measure`` over the frames ``which`` (indices), weighted; NaN where none can be judged."""
+        scores = self.default_scores if default else self.scores
+        weights = np.array([f.weight for f in self.frames])
+        return mean(scores[measure][which], weights[which])
 
 
 def split(count: int, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,10 +72,12 @@ def run(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     real: Callable[[], Sequence[Frame]] | None = None,
     coverage: float = 0.9,
+    registration: float = 0.0,
     stated: Callable[[Tuning, list[Prediction]], Any] | None = None,
     told: Callable[[int, int], None] | None = None,
 ) -> Session:
-    """``real`` is called for the real frames after ``stated`` has the prediction. Raises BrightfieldError."""
+    """``real`` is called for the real frames after ``stated`` has the prediction; ``registration`` px, rms in each
+    direction: how well the truth of real images is known, which their prediction counts in. Raises BrightfieldError."""
     chosen = tuple(objectives) or (DEFAULT_OBJECTIVE.get(algorithm.finds.__name__, "position"),)
     tuned_on, held_out = split(len(frames), holdout, seed)
     if algorithm.finds is Place:
@@ -84,10 +87,18 @@ def run(
     tuning = tune(algorithm, own, chosen, rules, trials, seed, bounds, worst, told)
     scores = scores_of(tuning.best, frames, rules)
     default = scores_of(tuning.default, frames, rules)
+    others = [frames[i] for i in held_out]
+    rough = replace(rules, registration=registration)
+    foretold = (
+        scores_of(tuning.best, others, rough)
+        if registration > 0
+        else {m: v[held_out] for m, v in scores.items()}
+    )
+    weights = np.array([f.weight for f in others])
     predictions = [
-        predict(m, scores[m][held_out], coverage)
+        predict(m, foretold[m], weights, coverage)
         for m in measures_of(algorithm.finds)
-        if np.isfinite(scores[m][held_out]).sum() >= 3
+        if np.isfinite(foretold[m]).sum() >= LEAST
     ]
     if stated is not None:
         stated(tuning, predictions)

@@ -6,21 +6,26 @@ that nothing stands before it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from analysis.tune.features import CircleFeature, Features, LineFeature, PatternFeature
 from analysis.tune.found import Circle, Line
-from analysis.tune.wireframe import Wireframe, outline
+from analysis.tune.wireframe import Wireframe, Wires, outline
 from analysis.view.visibility import Renderer, named
 from interchange.camera import Camera, Projection
+from interchange.distortion import LensModel
 from interchange.frames import apply
 from interchange.image import Image
+from interchange.problems import BrightfieldError, did_you_mean
 from interchange.scene import Body, Scene
 
-STEP = 0.5  # px between points of an edge
+STEP = 1.0  # px between points of an edge
 NEARER = 2e-3  # of the depth: what stands before a point must be nearer by that
 MARGIN = 3.0  # px from the image's border that count as outside
+WIDEST = 1.5  # of the image, to either side: what a bending lens is followed to
 MOST = 40_000  # points of edges an image
 
 
@@ -33,10 +38,23 @@ class EdgeTruth:
     normals: np.ndarray
     line: np.ndarray
 
-    @property
-    def length(self) -> float:
-        """px of edge that are seen."""
-        return STEP * len(self.points)
+    @cached_property
+    def tree(self) -> cKDTree:
+        return cKDTree(self.points)
+
+    def near(self, points: np.ndarray, roi: float) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (n,) px of ``points`` (n, 2) from the nearest true one, inf where it is more than ``roi``, and which
+        that is."""
+        if not len(points):
+            return np.zeros(0), np.zeros(0, int)
+        away, which = self.tree.query(points, distance_upper_bound=roi)
+        return away, which.astype(int)
+
+    def within(self, usable: np.ndarray) -> "EdgeTruth":
+        """What of it lies in pixels that are usable, (H, W) bool."""
+        column, row = np.rint(self.points).astype(int).T
+        kept = usable[row, column]
+        return EdgeTruth(self.points[kept], self.normals[kept], self.line[kept])
 
 
 @dataclass(frozen=True)
@@ -58,23 +76,88 @@ class Truth:
     patterns: Mapping[str, Square] = field(default_factory=dict)
     regions: np.ndarray | None = None
 
+    def moved(self, by: np.ndarray) -> "Truth":
+        """All places moved by (column, row) px; regions stay."""
 
-def truth(renderer: Renderer, scene: Scene, camera: Camera, wanted: Features, wires: Wireframe) -> Truth:
-    """What ``camera`` sees of ``wanted``; ``wires``: the edges of the bodies at ``scene``'s moment."""
-    sharp = _pinhole(camera)
-    image = renderer.render(scene, sharp, ["depth", "object_id"], samples=1)
+        def at(place: tuple[float, float]) -> tuple[float, float]:
+            return (float(place[0] + by[0]), float(place[1] + by[1]))
+
+        edges = None if self.edges is None else replace(self.edges, points=self.edges.points + by)
+        return Truth(
+            edges,
+            {n: Line(at(x.start), at(x.end)) for n, x in self.lines.items()},
+            {n: Circle(at(x.middle), x.radius) for n, x in self.circles.items()},
+            {n: Square(at(x.middle), x.side) for n, x in self.patterns.items()},
+            self.regions,
+        )
+
+
+def truth(renderer: Renderer, scene: Scene, camera: Camera, wanted: Features, wires: Wires) -> Truth:
+    """What ``camera`` sees of ``wanted``. Raises BrightfieldError for bodies that the scene lacks."""
+    check_bodies(scene, wanted)
+    dark = replace(scene, lights=())
     poses = {b.name: b.world_from_body for b in reversed(scene.bodies)}
+    edges = None
+    if wanted.edges:
+        depth = renderer.render(dark, straight(camera), ["depth"], samples=1)
+        edges = edge_truth(wires.of(named(scene, list(wanted.edges))), camera, depth)
+    regions = None
+    if wanted.blobs:
+        sharp = replace(camera, lens=replace(camera.lens, f_stop=0.0))
+        regions = _regions(scene, renderer.render(dark, sharp, ["object_id"], samples=1), wanted.blobs)
     return Truth(
-        edges=edge_truth(wires, camera, image) if wanted.edges else None,
+        edges=edges,
         lines={n: _line(x, poses, camera) for n, x in wanted.lines.items()},
         circles={n: _circle(x, poses, camera) for n, x in wanted.circles.items()},
         patterns={n: _square(x, poses, camera) for n, x in wanted.patterns.items()},
-        regions=_regions(scene, image, wanted.blobs) if wanted.blobs else None,
+        regions=regions,
+    )
+
+
+def check_bodies(scene: Scene, wanted: Features) -> None:
+    """Raises BrightfieldError for features on bodies that the scene lacks."""
+    for kind in (wanted.lines, wanted.circles, wanted.patterns):
+        for name, feature in kind.items():
+            if feature.body and feature.body not in scene.object_names:
+                hint = did_you_mean(feature.body, scene.object_names)
+                raise BrightfieldError(
+                    f'The feature "{name}" must be on a body of the scene; "{feature.body}" is none.{hint}'
+                )
+
+
+def straight(camera: Camera) -> Camera:
+    """A pinhole that sees what ``camera`` does, at its scale in the middle: depth, and quickly, where the lens bends
+    what is straight."""
+    lens = replace(camera.lens, f_stop=0.0, distortion=(), model=LensModel.OPENCV)
+    if not camera.lens.distorts:
+        return replace(camera, lens=lens)
+    width, height = camera.sensor.resolution
+    t = np.linspace(0, 1, 33)
+    x, y = t * width - 0.5, t * height - 0.5
+    rim = np.concatenate(
+        [
+            np.stack(np.broadcast_arrays(a, b), -1)
+            for a, b in ((x, -0.5), (x, height - 0.5), (-0.5, y), (width - 0.5, y))
+        ]
+    )
+    K = camera.K
+    u, v = camera.lens.undistort((rim[:, 0] - K[0, 2]) / K[0, 0], (rim[:, 1] - K[1, 2]) / K[1, 1])
+    known = np.isfinite(u) & np.isfinite(v)
+    u, v = K[0, 0] * u[known], K[1, 1] * v[known]
+    left, right = (float(np.clip(w, -WIDEST * width, WIDEST * width)) for w in (u.min(), u.max()))
+    top, bottom = (float(np.clip(w, -WIDEST * height, WIDEST * height)) for w in (v.min(), v.max()))
+    size = (int(np.ceil(right - left)) + 2, int(np.ceil(bottom - top)) + 2)
+    return replace(
+        camera,
+        lens=lens,
+        sensor=replace(camera.sensor, resolution=size),
+        principal_point=(0.5 - left, 0.5 - top),
     )
 
 
 def edge_truth(wires: Wireframe, camera: Camera, image: Image) -> EdgeTruth:
-    """The points of ``wires`` that ``camera`` sees; ``image``: pass ``depth`` at pixel centres."""
+    """The points of ``wires`` that ``camera`` sees; ``image``: pass ``depth``, by the camera or by one
+    that stands where it does."""
     eye, axis = camera.world_from_camera[:3, 3], camera.world_from_camera[:3, 2]
     telecentric = camera.lens.projection is not Projection.PERSPECTIVE
     there = outline(wires, eye, axis if telecentric else None)
@@ -99,10 +182,7 @@ def edge_truth(wires: Wireframe, camera: Camera, image: Image) -> EdgeTruth:
         inside = (pixel >= MARGIN).all(axis=1) & (pixel < np.array([width, height]) - 1 - MARGIN).all(axis=1)
         inside &= np.isfinite(tangent).all(axis=1) & (np.linalg.norm(tangent, axis=1) > 0)
     which, pixel, tangent, depth = which[inside], pixel[inside], tangent[inside], depth[inside]
-    shown = np.asarray(image.passes["depth"], np.float64).reshape(height, width)
-    column, row = np.rint(pixel).astype(int).T
-    around = np.max([shown[row + j, column + i] for j in (-1, 0, 1) for i in (-1, 0, 1)], axis=0)
-    seen = depth <= around * (1 + NEARER)
+    seen = _unhidden(points[inside], depth, image, camera)
     tangent = tangent[seen] / np.linalg.norm(tangent[seen], axis=1, keepdims=True)
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=-1)
     return EdgeTruth(pixel[seen], normals, line[which[seen]])
@@ -123,8 +203,16 @@ def _within(ends: np.ndarray, line: np.ndarray, camera: Camera) -> tuple[np.ndar
     return np.stack([first, second], axis=1), line
 
 
-def _pinhole(camera: Camera) -> Camera:
-    return replace(camera, lens=replace(camera.lens, f_stop=0.0))  # depth is a matter of pinholes
+def _unhidden(points: np.ndarray, depth: np.ndarray, image: Image, camera: Camera) -> np.ndarray:
+    """(n,) bool: whether the image shows nothing that is nearer all around; what it does not reach is hidden."""
+    shown = np.asarray(image.passes["depth"], np.float64)
+    shown = np.pad(shown.reshape(shown.shape[:2]), 1, mode="edge")
+    pixel = np.rint((image.camera or camera).project(points))
+    with np.errstate(invalid="ignore"):
+        inside = (pixel >= 0).all(axis=1) & (pixel < np.array(shown.shape[::-1]) - 2).all(axis=1)
+    column, row = np.where(inside[:, None], pixel, 0).astype(int).T
+    around = np.max([shown[row + j, column + i] for j in range(3) for i in range(3)], axis=0)
+    return inside & (depth <= around * (1 + NEARER))
 
 
 def _point(

@@ -89,3 +89,34 @@ def outline(frame: Wireframe, eye: np.ndarray, axis: np.ndarray | None = None) -
     toward = eye - frame.ends.mean(axis=1) if axis is None else np.broadcast_to(-axis, frame.ends[:, 0].shape)
     side = np.sum(frame.normals * toward[:, None], axis=2) > 0
     return frame.sharp | (side[:, 0] != side[:, 1])
+
+
+class Wires:
+    """Wireframes of the frames of a series, worked out anew only where parts moved against one another."""
+
+    def __init__(self, angle: float) -> None:
+        self.angle = angle
+        self._known: dict[tuple[int, ...], list[tuple[list[np.ndarray], Wireframe, Sequence[Body]]]] = {}
+
+    def of(self, bodies: Sequence[Body]) -> Wireframe:
+        poses = [b.world_from_body for b in bodies]
+        known = self._known.setdefault(tuple(id(b.mesh) for b in bodies), [])
+        for before, frame, _ in known:
+            moves = [new @ np.linalg.inv(old) for new, old in zip(poses, before, strict=True)]
+            if _one_rigid(moves):
+                return _moved(frame, moves[0]) if moves else frame
+        known.append((poses, wireframe(bodies, self.angle), bodies))  # the bodies, so that ids stay theirs
+        return known[-1][1]
+
+
+def _one_rigid(moves: Sequence[np.ndarray]) -> bool:
+    if not moves:
+        return True
+    R = moves[0][:3, :3]
+    return bool(np.allclose(R.T @ R, np.eye(3), atol=1e-9)) and all(
+        np.allclose(m, moves[0], rtol=0, atol=1e-9) for m in moves
+    )
+
+
+def _moved(frame: Wireframe, by: np.ndarray) -> Wireframe:
+    return Wireframe(apply(by, frame.ends), frame.normals @ by[:3, :3].T, frame.sharp, frame.line)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from interchange.problems import BrightfieldError
+from interchange.problems import BrightfieldError, FileError, Problem, Where
 
 HELP = "find an algorithm's parameters on a series of known truth, predict real images, then score them"
 
@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
         session: Session = tuned(
             model, frames, args.objective, rules, args.trials, args.seed, args.holdout, args.worst, bounds,
             real=None if args.real is None else lambda: read_series(args.real, wanted, renderer),
-            coverage=args.coverage, stated=stated, told=_told,
+            coverage=args.coverage, registration=_registration(args.real), stated=stated, told=_told,
         )  # fmt: skip
     record.write_tuning(args.out, session, {"series": str(args.series), "seed": args.seed})
     if session.real_frames:
@@ -166,6 +166,25 @@ def _wanted(args: argparse.Namespace, finds: str) -> Any:
     return wanted
 
 
+def _registration(real: Path | None) -> float:
+    """px, rms: how well the file of real images says that their truth is known."""
+    import json
+
+    from interchange.captures import Tolerances
+
+    if real is None:
+        return 0.0
+    file = real / "captures.json" if real.is_dir() else real
+    try:
+        head = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(
+            Problem(f"The file of real images cannot be read: {error}", Where(str(file)))
+        ) from None
+    given = head.get("tolerances", {}).get("registration_px", Tolerances().registration_px)
+    return Tolerances(registration_px=given).registration_px
+
+
 def _bound(word: str) -> tuple[str, tuple[float, float]]:
     name, _, values = word.partition("=")
     low, colon, high = values.partition(":")
@@ -185,12 +204,12 @@ def _print(session: Any) -> None:
     ]
     stated = {p.measure: p for p in session.predictions}
     for m in measures_of(t.algorithm.finds):
-        default = session.default_scores[m][session.held_out]
-        row: list[str] = [m, MEASURES[m].unit, _number(default), _number(session.scores[m][session.tuned_on]),
-               _number(session.scores[m][session.held_out])]  # fmt: skip
+        means = [session.mean(m, session.held_out, default=True)]
+        means += [session.mean(m, which) for which in (session.tuned_on, session.held_out)]
+        row = [m, MEASURES[m].unit, *(_number(v) for v in means)]
         if real:
             p = stated.get(m)
-            row += [f"{p.low:.3g} .. {p.high:.3g}" if p else "", _number(session.real_scores[m])]
+            row += [f"{p.low:.3g} .. {p.high:.3g}" if p else "", _number(_mean(session.real_scores[m]))]
             row.append(f"{100 * session.verified.share[m]:.0f} %" if p and session.verified else "")
         rows.append(tuple(row))
     wide = [max(len(r[k]) for r in rows) for k in range(len(rows[0]))]
@@ -202,11 +221,13 @@ def _print(session: Any) -> None:
         print(f"{t.objectives[0]} depends most on {name} (rank correlation {value:+.2f}).")
 
 
-def _number(values: Any) -> str:
-    import numpy as np
+def _mean(values: Any) -> float:
+    known = [float(v) for v in values if v == v]
+    return sum(known) / len(known) if known else float("nan")
 
-    known = values[np.isfinite(values)]
-    return f"{known.mean():.4g}" if len(known) else "-"
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if value == value else "-"
 
 
 def _told(done: int, total: int) -> None:

@@ -39,6 +39,7 @@ from realtime.renderers.rasterizer import Rasterizer
 
 PHOTOGRAPHS = Path(__file__).parents[2] / "assets" / "calibration"
 BOARD = Chessboard(9, 6, 0.025)
+RIM = 0.6  # of a square: what the photographs show of the outer ones, whose size nobody told
 
 
 def main() -> None:
@@ -56,7 +57,8 @@ def main() -> None:
 def make(out: Path, frames: int, real: int, seed: int) -> None:
     """Write simulated.json and real.json with their scenes and images."""
     photographs = sorted(PHOTOGRAPHS.glob("left*.jpg"))
-    lens = calibrate(observe({"left": photographs[0::2]}, BOARD), MODELS["5"]).camera(0)
+    calibrated = calibrate(observe({"left": photographs[0::2]}, BOARD), MODELS["5"])
+    lens = calibrated.camera(0)
     rng = np.random.default_rng(seed)
     (out / "images").mkdir(parents=True, exist_ok=True)
     scenes, entries = [], []
@@ -80,7 +82,7 @@ def make(out: Path, frames: int, real: int, seed: int) -> None:
         images.write(out / name, picture)
         scenes.append(Scene(board(), (), (camera,), time=k))
         entries.append({"image": name, "camera": camera.name, "time": k, "exposure": 1.0})
-    write(out, "real", scenes, entries)
+    write(out, "real", scenes, entries, {"registration_px": round(calibrated.rms / 2**0.5, 3)})
 
 
 def simulated(lens: Camera, rng: np.random.Generator, k: int) -> tuple[Scene, Camera]:
@@ -120,7 +122,8 @@ def simulated(lens: Camera, rng: np.random.Generator, k: int) -> tuple[Scene, Ca
 
 
 def board() -> tuple[Body, ...]:
-    """Squares as faces of two materials: where they meet is an edge, as in a CAD part."""
+    """Squares as faces of two materials: where they meet is an edge, as in a CAD part. The outer ones are bodies of
+    their own, since their size is not known: what counts are the edges between the inner corners."""
     if not _board:
         _board.extend(_made())
     return tuple(_board)
@@ -130,26 +133,22 @@ _board: list[Body] = []
 
 
 def _made() -> list[Body]:
-    size, columns, rows = BOARD.size, BOARD.columns, BOARD.rows
-    cells: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
-    for i in range(-2, rows + 1):
-        for j in range(-2, columns + 1):
-            rim = i in (-2, rows) or j in (-2, columns)
-            cells[rim or (i + j) % 2 == 1].append((i, j))
+    across = BOARD.size * np.r_[-RIM, np.arange(BOARD.columns), BOARD.columns - 1 + RIM]
+    down = -BOARD.size * np.r_[-RIM, np.arange(BOARD.rows), BOARD.rows - 1 + RIM]
+    cells: dict[str, list[list[list[float]]]] = {"white": [], "black": [], "white_rim": [], "black_rim": []}
+    for i in range(len(down) - 1):
+        for j in range(len(across) - 1):
+            name = "white" if (i + j) % 2 else "black"
+            if i in (0, len(down) - 2) or j in (0, len(across) - 2):
+                name += "_rim"
+            left, right, top, bottom = across[j], across[j + 1], down[i], down[i + 1]
+            cells[name].append([[left, top, 0], [left, bottom, 0], [right, bottom, 0], [right, top, 0]])
     bodies = []
-    for white, own in cells.items():
-        corners = [
-            [[j * size, -i * size, 0], [j * size, -(i + 1) * size, 0], [(j + 1) * size, -(i + 1) * size, 0],
-             [(j + 1) * size, -i * size, 0]]
-            for i, j in own
-        ]  # fmt: skip
-        flat = np.array(corners).reshape(-1, 3)
+    for name, own in cells.items():
         faces = np.array([[4 * k + a for a in t] for k in range(len(own)) for t in ((0, 1, 2), (0, 2, 3))])
-        share = WHITE if white else BLACK
-        name = "white" if white else "black"
-        bodies.append(
-            Body(f"/World/{name}", from_corners(flat, faces), Material(name, Lambert((share,) * 3)))
-        )
+        share = WHITE if name.startswith("white") else BLACK
+        mesh = from_corners(np.array(own).reshape(-1, 3), faces)
+        bodies.append(Body(f"/World/{name}", mesh, Material(name, Lambert((share,) * 3))))
     return bodies
 
 
@@ -163,13 +162,15 @@ def posed(lens: Camera, pixels: np.ndarray) -> Camera:
     return replace(lens, world_from_camera=np.linalg.inv(camera_from_board))
 
 
-def write(out: Path, name: str, scenes: list[Scene], entries: list[dict]) -> None:
+def write(
+    out: Path, name: str, scenes: list[Scene], entries: list[dict], tolerances: dict[str, float] | None = None
+) -> None:
     """The scene with a camera a frame, and its captures. The first lamp stands for the file; see ``simulated``."""
     whole = replace(scenes[0], cameras=tuple(s.cameras[0] for s in scenes))
     frames = [replace(s, cameras=whole.cameras) for s in scenes]
     stage = author_scene(whole, 1.0, frames[1:])
     Document(stage, out / f"{name}.usda").save(out / f"{name}.usda")
-    head = {"scene": f"{name}.usda", "captures": entries}
+    head = {"scene": f"{name}.usda", "captures": entries, "tolerances": tolerances or {}}
     (out / f"{name}.json").write_text(json.dumps(head, indent=1))
 
 
