@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from analysis.sweep.constraint import Constraint
 from analysis.sweep.sampling import Axis, Method
 from analysis.sweep.surface import Anchor
 
@@ -72,7 +72,7 @@ class Plan:
     fixed: Mapping[str, float] = field(default_factory=dict)
     moving: tuple[Moving, ...] = ()
     defects: tuple[PlannedDefect, ...] = ()
-    constraints: tuple[Any, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     objects: tuple[str, ...] = ()  # paths of what has a ground truth
     units: Mapping[str, str] = field(default_factory=dict)
     writes: tuple[str, ...] = WRITES

@@ -5,6 +5,8 @@ from typing import Any
 
 from analysis.sweep.address import is_named, knob
 from analysis.sweep.axis_file import is_number, read_axis
+from analysis.sweep.constraint import Constraint
+from analysis.sweep.constraint_file import read_constraints
 from analysis.sweep.defect_file import declared_of, read_defects
 from analysis.sweep.findings import Findings
 from analysis.sweep.placing import PREFIX
@@ -58,7 +60,9 @@ def read(path: Path | str) -> Plan:
             moving.append(axis)
 
     defects: tuple[PlannedDefect, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     if scene is not None:
+        constraints = read_constraints(data.get("constraints", []), scene, wrong)
         defects = read_defects(data.get("defects", []), scene, wrong, take)
         for address, spec in parameters.items():
             key = f"parameters.{address}"
@@ -78,7 +82,7 @@ def read(path: Path | str) -> Plan:
         raise FileError(wrong.problems)
     return Plan(
         path, scene_path, cameras, times, rendering, method, count, seed, tuple(axes), fixed, tuple(moving), defects,
-        (), objects, units, writes, wrong.number(data, "width", "", 8, 65536, 0),
+        constraints, objects, units, writes, wrong.number(data, "width", "", 8, 65536, 0),
         wrong.flag(data, "noise", "", True), text,
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.sweep.checking import Checker
 from analysis.sweep.datasets import write_datasets
 from analysis.sweep.job import SweepJob, is_done, read_record, work
 from analysis.sweep.plan import Plan
@@ -46,21 +47,23 @@ class Swept:
     summary: dict[str, Any]
 
 
-def design(plan: Plan, rejects: Callable[[np.ndarray], str] = lambda row: "") -> Design:
+def design(plan: Plan) -> Design:
     """The samples that keep every constraint: as many as the plan asks for, where its method has always more.
 
     Raises BrightfieldError where too few keep them.
     """
     kept: list[np.ndarray] = []
     rejected: Counter[str] = Counter()
+    check = Checker(plan)
     for row in points(plan.axes, plan.method, plan.count, plan.seed):
-        why = rejects(row)
+        why = check(row)
         if why:
             rejected[why] += 1
         else:
             kept.append(row)
         if plan.method.goes_on and (len(kept) == plan.count or _hopeless(len(kept), rejected, plan.count)):
             break
+    check.close()
     if not kept or (plan.method.goes_on and len(kept) < plan.count):
         told = ", ".join(f"{name} rejected {n}" for name, n in rejected.items())
         raise BrightfieldError(
