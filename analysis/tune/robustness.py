@@ -26,7 +26,7 @@ class Slice:
 
 
 def slices(
-    tuning: Tuning, frames: Sequence[Frame], rules: Rules, measure: str, steps: int = 15, share: float = 0.05
+    tuning: Tuning, frames: Sequence[Frame], rules: Rules, measure: str, steps: int = 11, share: float = 0.05
 ) -> list[Slice]:
     """A slice of every parameter that was searched."""
     chosen = tuning.trials[tuning.chosen].parameters

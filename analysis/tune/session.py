@@ -20,7 +20,7 @@ from analysis.tune.search import Tuning, mean, scores_of, tune
 from interchange.problems import BrightfieldError
 
 DEFAULT_OBJECTIVE = {"Edges": "f1", "Blobs": "f1"}  # of the kind found; else position
-SLICED = 8  # frames on which slices are drawn
+SLICED = 6  # frames on which slices are drawn
 
 
 @dataclass(frozen=True, eq=False)
