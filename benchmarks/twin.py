@@ -1,22 +1,20 @@
 """Real pictures beside their rendered twins: where edges lie, how sharp they are, and DN in flat patches.
 
-    python benchmarks/twin.py [--out docs/twin.md] [--flea3 FOLDER]
+    python benchmarks/twin.py [--out docs/twin.md]
 
 Chessboards (assets/calibration): the lens comes from every other picture; each twin is of a picture that it has not
 seen, at the pose that its corners give, under a lamp whose level and slope over the board its flat squares give,
-through the chain of ``interchange.exposure``. ``--flea3``: captured_images of a series of exposures, see docs.
+through the chain of ``interchange.exposure``. The bench of assets/camera_emva1288, simulated anew; discs, a
+ColorChecker and exposures of assets/flea3 (``benchmarks.twin_flea3``).
 """
 
 import argparse
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
-from scipy.ndimage import map_coordinates, spline_filter
-from scipy.optimize import curve_fit
-from scipy.special import erf
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -26,7 +24,9 @@ from analysis.calibration.calibration import calibrate
 from analysis.calibration.models import MODELS
 from analysis.calibration.observations import grey, observe
 from analysis.emva import characterise, level
-from interchange.camera import Camera, Lens, Sensor
+from benchmarks import twin_flea3
+from benchmarks.edge_profiles import REACH, Edges, across, rms
+from interchange.camera import Camera, Lens
 from interchange.exposure import expose, responsivity
 from interchange.formats import emva_data, images
 from interchange.image import Image
@@ -36,34 +36,25 @@ from realtime.renderers.rasterizer import Rasterizer
 
 ASSETS = Path(__file__).parents[1] / "assets"
 BOARD = Chessboard(9, 6, 0.025)
-REACH = 5  # px to either side of an edge
 FIGURES = "<!-- figures -->"
-
-
-@dataclass(frozen=True)
-class Edges:
-    """Of every edge between two inner corners: where it lies off the line between them, and its rms width."""
-
-    offset: np.ndarray  # (n,) px
-    sigma: np.ndarray  # (n,) px
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--flea3", type=Path)
     args = parser.parse_args()
     pictures = sorted((ASSETS / "calibration").glob("left*.jpg"))
     lines, panels = chessboards(pictures[0::2], pictures[1::2][:4])
     lines += ["", *transfer()]
-    if args.flea3:
-        lines += ["", *exposures(args.flea3)]
+    more, panels_flea3 = twin_flea3.all_of(ASSETS / "flea3")
+    lines += ["", *more]
     text = "\n".join(lines)
     print(text)
     if args.out:
         head = args.out.read_text().split(FIGURES)[0]
         args.out.write_text(f"{head}{FIGURES}\n{text}\n")
         cv2.imwrite(str(args.out.with_suffix(".png")), panels)
+        cv2.imwrite(str(args.out.with_name(f"{args.out.stem}_flea3.png")), panels_flea3)
 
 
 def chessboards(learn: list[Path], shown: list[Path]) -> tuple[list[str], np.ndarray]:
@@ -89,7 +80,7 @@ def chessboards(learn: list[Path], shown: list[Path]) -> tuple[list[str], np.nda
         slope, veil = lamp(flat)
         sharp = frame(camera, slope, veil, 0.0)
         measured, without = edges(real, camera), edges(sharp, camera)
-        blur = float(np.sqrt(max(np.median(measured.sigma) ** 2 - np.median(without.sigma) ** 2, 0)))
+        blur = float(np.sqrt(max(np.nanmedian(measured.sigma) ** 2 - np.nanmedian(without.sigma) ** 2, 0)))
         twin = frame(camera, slope, veil, blur)
         own, again = edges(twin, camera), BOARD.detect(twin)
         both = np.isfinite(measured.offset) & np.isfinite(own.offset)
@@ -105,16 +96,12 @@ def chessboards(learn: list[Path], shown: list[Path]) -> tuple[list[str], np.nda
         gap = np.abs(twin.astype(float) - real)[inside]
         lines.append(
             f"| {path.name} | {rms(corners):.3f} | {rms(apart):.3f} | {apart.mean():+.3f} | "
-            f"{np.median(measured.sigma):.2f}, {np.median(own.sigma):.2f} | {mean[True]:.0f}, {rms(off[True]):.1f} | "
-            f"{mean[False]:.0f}, {rms(off[False]):.1f} | {np.median(gap):.1f} |"
+            f"{np.nanmedian(measured.sigma):.2f}, {np.nanmedian(own.sigma):.2f} | {mean[True]:.0f}, "
+            f"{rms(off[True]):.1f} | {mean[False]:.0f}, {rms(off[False]):.1f} | {np.median(gap):.1f} |"
         )
         difference = np.clip(128 + (twin.astype(float) - real), 0, 255).astype(np.uint8)
         panels.append(np.hstack([real, twin, difference])[::2, ::2])
     return lines, np.vstack(panels[::3])  # two of four: the picture stays small
-
-
-def rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))
 
 
 def posed(lens: Camera, pixels: np.ndarray) -> Camera:
@@ -182,31 +169,13 @@ def edges(image: np.ndarray, camera: Camera) -> Edges:
     pairs += [
         (grid[i, j], grid[i + 1, j]) for i in range(BOARD.rows - 1) for j in range(1, BOARD.columns - 1)
     ]
-    s = np.arange(-REACH, REACH + 0.25, 0.5)
-    smooth = spline_filter(image.astype(np.float64))
-    offset, sigma = [], []
+    place, normal = [], []
     for a, b in pairs:
         ends = camera.project(np.array([a, b]))
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-        normal = np.array([-along[1], along[0]])
-        place = (
-            camera.project(a + np.array([[0.35], [0.5], [0.65]]) * (b - a))[:, None]
-            + s[None, :, None] * normal
-        )
-        profile = map_coordinates(smooth, [place[..., 1], place[..., 0]], prefilter=False).mean(axis=0)
-        height = (profile[-1] - profile[0]) / 2
-        try:
-            p, *_ = curve_fit(_edge, s, profile, p0=(profile.mean(), height, 0.0, 1.0), maxfev=400)
-        except RuntimeError:
-            p = np.full(4, np.nan)
-        good = abs(p[2]) < REACH / 2
-        offset.append(p[2] if good else np.nan)
-        sigma.append(abs(p[3]) if good else np.nan)
-    return Edges(np.array(offset), np.array(sigma)[np.isfinite(sigma)])
-
-
-def _edge(s: np.ndarray, middle: float, height: float, place: float, sigma: float) -> np.ndarray:
-    return middle + height * erf((s - place) / (np.sqrt(2) * max(abs(sigma), 1e-3)))
+        normal.append([[-along[1], along[0]]])
+        place.append(camera.project(a + np.array([[0.35], [0.5], [0.65]]) * (b - a)))
+    return across(image, np.array(place), np.array(normal))
 
 
 def transfer() -> list[str]:
@@ -236,42 +205,6 @@ def transfer() -> list[str]:
         a, b = real.temporal.mean(), twin.temporal.mean()
         shown = f"| {real.photons:.0f} | {real.mu:.1f}, {a:.1f} | {twin.mu:.1f}, {b:.1f} | {twin.mu / real.mu:.4f} |"
         lines.append(f"{shown} {b / a:.3f} |" if a > 1 else f"{shown} saturated |")
-    return lines
-
-
-def exposures(folder: Path) -> list[str]:
-    """A linear sensor's twin of a series: radiance from one exposure, DN foretold at the others, per green site."""
-    lines = [
-        "## A series of exposures (Flea3, raw Bayer, 8 bits, bandpass 550 nm)",
-        "",
-        "Radiance of each green site from the picture at 250 ms, where it shows 40 to 200 DN; the sites are then "
-        "exposed anew by the chain. Left out: sites that would reach 240 DN by the picture at 250 ms.",
-        "",
-        "| exposure ms | sites | real DN, mean | twin DN, mean | twin over real | off by, rms DN |",
-        "|---|---|---|---|---|---|",
-    ]
-    names = sorted((folder / "images_filtered_light/disks").glob("*_550nm_*ms_*.tif"))
-    frames = {int(p.name.split("_")[3][:-2]): cv2.imread(str(p), cv2.IMREAD_UNCHANGED) for p in names}
-    frames = dict(sorted(frames.items()))
-    site = {
-        t: np.stack([y[0::2, 0::2][: y.shape[0] // 2], y[1::2, 1::2]]).astype(np.float32)
-        for t, y in frames.items()
-    }
-    base = site[250]
-    use = (base >= 40) & (base <= 200)
-    L = base[use][None, :, None]
-    sensor = Sensor((L.shape[1], 1), responsivity=1.0, full_well=255, bit_depth=8, mosaic="mono")
-    for t, y in site.items():
-        twin = expose(Image(L / 0.25), Camera(sensor=sensor, lens=Lens()), t_exp=1e-3 * t).pixels.ravel()
-        real = y[use]
-        good = base[use] * (t / 250) < 240
-        if good.sum() < 100:
-            lines.append(f"| {t} | {good.sum()} of {use.sum()} | | | | |")
-            continue
-        a, b = real[good].mean(), twin[good].mean()
-        lines.append(
-            f"| {t} | {good.sum()} | {a:.2f} | {b:.2f} | {b / a:.4f} | {rms(real[good] - twin[good]):.2f} |"
-        )
     return lines
 
 

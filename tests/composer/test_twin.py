@@ -17,6 +17,17 @@ def twin():
     return module
 
 
+@pytest.fixture(scope="module")
+def flea3():
+    from benchmarks import twin_flea3
+
+    return twin_flea3
+
+
+def flea3_assets() -> Path:
+    return FILE.parents[1] / "assets/flea3"
+
+
 def test_an_unseen_pictures_twin_has_its_edges_and_its_dn(twin):
     """Corners to the real detector's scatter (0.2 px), edges to 0.2 px and 0.05 in the mean, squares to some DN."""
     pictures = sorted((twin.ASSETS / "calibration").glob("left*.jpg"))
@@ -53,3 +64,35 @@ def test_edges_are_found_where_they_are(twin):
     upright = twin.BOARD.rows - 2
     across = offset[upright * (twin.BOARD.columns - 1) :]
     assert np.abs(across) == pytest.approx(1 / 3, abs=0.03)
+
+
+def numbers(line: str) -> list[float | None]:
+    cells = [c.strip() for c in line.strip("|").split("|")]
+    return [float(c) if c and c.lstrip("+-").replace(".", "").isdigit() else None for c in cells]
+
+
+def test_printed_discs_have_the_edges_and_the_dn_that_their_neighbours_foretell(flea3):
+    """The data sheet's focal length; edges to 0.2 px, paper to 1 % of its DN and ink to half a DN (green sites)."""
+    lines, panel = flea3.discs(flea3_assets())
+    rows = {line.strip("| ").split(" |")[0]: numbers(line) for line in lines if line.startswith("|")}
+    assert rows["centres of 15 discs, px"][3] < 0.2
+    _, _, _, off, mean = rows["360 edges, px outwards"]
+    assert off < 0.2
+    assert abs(mean) < 0.06
+    _, real, twin, off, _ = rows["paper, green sites, DN"]
+    assert 200 < real < 250
+    assert twin == pytest.approx(real, rel=0.005)
+    assert off < 0.01 * real
+    assert rows["ink, green sites, DN"][3] < 0.6
+    assert panel.shape == (340, 3 * 408)
+
+
+def test_a_colorcheckers_patches_have_the_dn_of_its_published_reflectances(flea3):
+    """Twelve patches that nothing was fitted to: within a tenth of their spread, under 550 nm a sixth."""
+    lines, _ = flea3.checker(flea3_assets())
+    rows = [line.strip("|").split("|") for line in lines if " ms | " in line]
+    assert [r[0].split()[0] for r in rows] == ["450", "450", "550", "650"]
+    for row in rows:
+        off, spread, correlation = (float(c) for c in row[5:8])
+        assert off < (0.18 if row[0].startswith(" 550") else 0.15) * spread
+        assert correlation > 0.99
