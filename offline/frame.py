@@ -65,6 +65,8 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
         glows = any(any(b.material.emission) or b.material.emission_map for b in job.scene.bodies)
         parts = [radiance(k) for k in range(len(lights))]
         arrays["light"] = np.stack([p for p, _ in parts]) if parts else np.zeros((0, *size, 3))
+        bounced = [p - d for p, d in parts]
+        arrays["light_indirect"] = np.stack(bounced) if bounced else np.zeros((0, *size, 3))
         if glows or not parts:
             parts.append(radiance(NO_LAMP))
         arrays["pixels"] = np.sum([p for p, _ in parts], axis=0)

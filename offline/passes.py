@@ -30,6 +30,8 @@ def assemble(
     if per_light:
         for k, light in enumerate(scene.lights):
             passes[f"light:{light.name}"] = arrays["light"][k]
+            if "indirect" in asked:
+                passes[f"indirect:{light.name}"] = arrays["light_indirect"][k]
     if "truth" not in arrays:
         return passes
     body = np.rint(arrays["truth"][..., 2]).astype(np.int64) - 1

@@ -52,6 +52,7 @@ class ShadowMaps:
         self._kept: OrderedDict[tuple[object, ...], _Map] = OrderedDict()
         self._spare: list[_Map] = []
         self._bytes = 0  # of the kept ones
+        self.offset = 0.0  # m, see Rasterizer.render
 
     def frusta(self, sample: Sample, visible: Visible, whole: bool, side: int) -> list[Frustum | None]:
         """One or six frusta (None where nothing that is seen lies in a face), relative to the bodies' origin.
@@ -84,15 +85,14 @@ class ShadowMaps:
         distance = float(np.linalg.norm(nearest - sample.place))
         return sample.light.radius / max(distance, sample.light.radius)
 
-    @staticmethod
-    def record(sample: Sample, frusta: list[Frustum | None], side: int, extent: float) -> np.ndarray:
+    def record(self, sample: Sample, frusta: list[Frustum | None], side: int, extent: float) -> np.ndarray:
         """The lamp's record with its maps' matrices: (MAPS + 8 a frustum, 4) float32. ``side``: texels."""
         if len(frusta) == 6:
             side //= 2
         record = np.zeros((MAPS + 8 * len(frusta), 4))
         record[:MAPS] = sample.record
         tangent = max((f.tangent for f in frusta if f is not None), default=0.0)
-        record[SHADOW] = side, 1 / side, 2 * tangent / side, OFFSET * extent
+        record[SHADOW] = side, 1 / side, 2 * tangent / side, max(OFFSET * extent, self.offset)
         for i, frustum in enumerate(frusta):
             if frustum is not None:
                 record[REFERENCE, :3] = frustum.axis

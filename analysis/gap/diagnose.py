@@ -370,7 +370,7 @@ def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dic
         notes.append(
             f"{len(found)} conditions are few: six or more, under two lamps and two poses, tell effects apart."
         )
-    if all(c.shown.indirect is None for c in found):
+    if not any(c.shown.indirect for c in found):
         notes.append(
             "The simulation has direct light alone: interreflection is not among the causes that were tried."
         )

@@ -21,7 +21,7 @@ from analysis.gap.light_terms import light_terms
 from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
 from analysis.gap.state import State
-from analysis.gap.terms import Term, added
+from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
 from interchange.effects import Effect
 from interchange.problems import BrightfieldError
@@ -29,6 +29,8 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 STARTS, ROUNDS = 4, 3
+REGISTRATIONS = 2
+REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
@@ -125,7 +127,9 @@ def fit(
     stride = stride_for(conditions)
     terms = _terms(conditions, tolerances, knots)
     told("registration", 0.0)
-    first = _stand(conditions, terms, np.zeros(len(terms)), {}, stride, told, "registration")
+    first = _stand(
+        conditions, terms, _registered(conditions, terms, stride, told), {}, stride, told, "evidence"
+    )
     stands = [first]
     none = next(h for h in first.hypotheses if not h.causes)
     if first.best.causes:
@@ -137,6 +141,28 @@ def fit(
             stands.append(_followed(conditions, terms, first, start, stride, told, f"fit {k + 1}"))
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
     return _fit(terms, chosen)
+
+
+def _registered(
+    conditions: Sequence[Condition], terms: Sequence[Term], stride: int, told: Told
+) -> np.ndarray:
+    """(q,): where the terms that move the image stand, with no cause at all: edges that are off by a part of a pixel
+    would forge every effect that changes edges."""
+    at = np.zeros(len(terms))
+    own = [i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)]
+    for k in range(REGISTRATIONS):
+        model = Model(tuple(terms), at, at)
+        states = [model.state(c, stride) for c in conditions]
+        parts = [equations(s, [terms[i] for i in own], at[own]) for s in states if s.usable.any()]
+        if not parts:
+            break
+        there = Evidence(total_of(parts), [terms[i] for i in own])
+        theta = there.theta(there.at((), ()))
+        at = np.zeros(len(terms))
+        for i, x in zip(own, theta, strict=True):
+            at[i] = x if terms[i].kind == "flow" else 0.0
+        told("registration", (k + 1) / REGISTRATIONS)
+    return at
 
 
 def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -202,7 +228,8 @@ def _fit(terms: Sequence[Term], stand: Stand) -> Fit:
     cause = np.zeros(q, bool)
     for c in best.causes:
         cause[evidence.members[c]] = True
-    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.zeros(q))
+    moves = np.array([t.kind == "flow" for t in terms])
+    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.where(moves & ~cause, stand.at, 0.0))
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts)
 
@@ -245,7 +272,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     return [
         *geometry_terms(conditions, tolerances),
-        *light_terms(conditions, tolerances),
+        *light_terms(conditions, tolerances, knots),
         *material_terms(conditions, tolerances),
         *(knot_terms(conditions, tolerances, knots) if knots is not None else []),
         *chain_terms(State(bright), tolerances),
@@ -254,11 +281,11 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
 
 
 def _start(terms: Sequence[Term], best: Hypothesis, theta: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """Where the next linearisation stands: the chain's and the flow's terms of the causes, as they were found."""
-    start = np.zeros(len(terms))
+    """Where the next linearisation stands: all that moves the image, and the chain's terms of the causes, as found."""
+    start = np.array([x if t.kind == "flow" else 0.0 for t, x in zip(terms, theta, strict=False)])
     for cause in best.causes:
         for i in evidence.members[cause]:
-            if terms[i].kind in ("chain", "flow"):
+            if terms[i].kind == "chain":
                 start[i] = max(theta[i], terms[i].low)
     return start
 

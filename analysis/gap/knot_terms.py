@@ -5,14 +5,15 @@ lamps give it. Penumbrae wider than a pixel change with the width of the lamp, n
 is such that they are wider.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.knots import MANY, SPOTS, Change, Knots
+from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.brdf.lobes import has_lobes
 from interchange.captures import Tolerances
 from interchange.effects import Effect
@@ -27,23 +28,35 @@ from interchange.material import Material
 from interchange.parameter import ParameterError
 from interchange.scene import Scene
 
+STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
 MOST_OBJECTS = 6  # that have a size of their own: the largest in the image
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
 FLAT = 0.02  # thickness over length of what is printed on something, whose size is not its own
 STEP = 0.1  # of gloss
+OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO = 0.2  # of anisotropy
 OUTLINE = 0.3  # px that the step of an object's size moves its outline by
+
+Changed = Callable[[Rendered], Change]
 
 
 def knot_terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots) -> list[Term]:
     """Rendered as their fields are asked for, once for each arrangement that the conditions show."""
     return [
+        *_standing_off(tolerances, knots),
         *_lamps(conditions, tolerances, knots),
         *_materials(conditions, tolerances, knots),
         *_objects(conditions, tolerances, knots),
     ]
+
+
+def _standing_off(t: Tolerances, knots: Knots) -> list[Term]:
+    """How far what casts shadows stands off what it lies on: burrs, glue, paint, and the place where another renderer
+    lets its rays begin. No cause: the tolerance of where shadows end."""
+    field = difference(lambda shown: knots.standing_off(shown, 1e-3 * OFFSET, MANY), OFFSET)
+    return [Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)]
 
 
 def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
@@ -55,12 +68,12 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list
         away = [np.linalg.norm(lights[n].world_from_light[:3, 3] - middle) for n in near]
         step = float(f"{1e3 * SIZE * np.median(away):.2g}")  # mm
         for name in ["", *near] if len(near) > 1 else near:
-            field = _field(knots, LightSize(step), step, lamp=name, spots=MANY)
+            field = difference(_of(knots, LightSize(step), spots=MANY), step, lamp=name)
             terms.append(Term("light_size", name, "spread", "mm", t.flat_field / 2, field,
                               relative=True, low=0.0))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
     for name in ["", *shading] if len(shading) > 1 else shading:
-        field = _field(knots, Shadow(1.0), 1.0, lamp=name)
+        field = difference(_of(knots, Shadow(1.0)), 1.0, lamp=name)
         terms.append(Term("shadow", name, "share", "1", t.flat_field / 2, field, relative=True, low=0.0))
     return terms
 
@@ -75,9 +88,9 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> 
             step = _step(materials[name], parameter)
             alike = all(_step(materials[n], parameter) == step for n in shiny)  # one rendering does for all
             effect = Gloss(**{parameter: 1 + step})
-            field = _field(knots, effect, step, target="" if alike else name, among=shiny, material=name)
+            field = difference(_of(knots, effect, "" if alike else name), step, material=name, among=shiny)
             terms.append(Term("gloss", name, parameter, "1", t.gloss, field, start=1.0))
-        field = _field(knots, Anisotropy(1 + RATIO), RATIO, among=shiny, material=name)
+        field = difference(_of(knots, Anisotropy(1 + RATIO)), RATIO, material=name, among=shiny)
         terms.append(Term("anisotropy", name, "ratio", "1", t.gloss, field, start=1.0))
     return terms
 
@@ -109,7 +122,7 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> li
         half_px = np.sqrt(seen[name] * pixels / (480 * 360)) / 2
         step = float(f"{min(OUTLINE / half_px, 0.1):.2g}")
         half_mm = 1e3 * float(boxes[name].max()) / 2
-        field = _field(knots, Geometry(1 + step), step, target=name)
+        field = difference(_of(knots, Geometry(1 + step), name), step, name)
         terms.append(Term("geometry", name, "scale", "1", t.object_pose_mm / half_mm, field, start=1.0))
     return terms
 
@@ -125,17 +138,20 @@ def _counts(conditions: Sequence[Condition], of: str) -> dict[str, float]:
     return found
 
 
-def _field(
-    knots: Knots,
-    effect: Effect,
+def _of(knots: Knots, effect: Effect, target: str = "", spots: int = SPOTS) -> Changed:
+    return lambda shown: knots.change(shown, effect, target, spots)
+
+
+def difference(
+    changed: Changed,
     step: float,
     target: str = "",
     lamp: str = "",
     material: str = "",
     among: Sequence[str] = (),
-    spots: int = SPOTS,
 ) -> Field:
-    """DN a unit of the term. ``lamp``, ``material``: the part of the change that is theirs; "" is all of it.
+    """DN a unit of the term, where ``changed`` is what ``step`` of it does to a rendering. ``target``: the object it is
+    about; ``lamp``, ``material``: the part of the change that is theirs; "" is all of it.
 
     ``among``: materials that the effect changes; the pixels of all others show the edge of one that it does.
     """
@@ -146,8 +162,7 @@ def _field(
             weights = {n: w for n, w in weights.items() if n == lamp}
         if not any(w.any() for w in weights.values()) or not _there(s.shown.scene, target, material):
             return None
-        change: Change = knots.change(s.shown, effect, target, spots)
-        radiance = change.radiance(weights, s.camera.sensor.resolution)
+        radiance = changed(s.shown).radiance(weights, s.camera.sensor.resolution)
         out = s.per_radiance * s.channels(s.take(radiance)) / np.float32(step)
         if material:
             names = s.shown.scene.material_names

@@ -58,7 +58,7 @@ class Knots:
         self.rendered = 0  # images drawn so far
         self._rasterizer: Rasterizer | None = None
         self._scenes: dict[int, Scene] = {}  # which live as long as their ids are used
-        self._changes: dict[tuple[int, Effect, str], Change] = {}
+        self._changes: dict[tuple[int, Effect | None, str], Change] = {}
         self._base: dict[tuple[int, int], dict[str, np.ndarray]] = {}
 
     def change(self, shown: Rendered, effect: Effect, target: str = "", spots: int = SPOTS) -> Change:
@@ -66,7 +66,15 @@ class Knots:
         key = (id(shown.scene), effect, target)
         if key not in self._changes:
             self._scenes[id(shown.scene)] = shown.scene
-            self._changes[key] = self._kept(shown, effect, target, spots)
+            self._changes[key] = self._between(shown, effect.on_scene(shown.scene, target), spots)
+        return self._changes[key]
+
+    def standing_off(self, shown: Rendered, offset: float, spots: int = SPOTS) -> Change:
+        """What it adds that shadows are cast on points ``offset`` m above the surfaces."""
+        key = (id(shown.scene), None, str(offset))
+        if key not in self._changes:
+            self._scenes[id(shown.scene)] = shown.scene
+            self._changes[key] = self._between(shown, shown.scene, spots, offset)
         return self._changes[key]
 
     def close(self) -> None:
@@ -81,29 +89,30 @@ class Knots:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _kept(self, shown: Rendered, effect: Effect, target: str, spots: int) -> Change:
+    def _between(self, shown: Rendered, after: Scene, spots: int, offset: float = 0.0) -> Change:
         camera = _small(shown.camera)
         width, height = camera.sensor.resolution
         spots = round(spots * float(np.clip(LARGEST / (width * height), 1, 2)))
         before = shown.scene
-        scene = replace(effect.on_scene(before, target), cameras=())
-        name = fingerprint((before.bodies, before.lights, scene.bodies, scene.lights, camera, spots))
+        scene = replace(after, cameras=())
+        both = (before.bodies, before.lights, scene.bodies, scene.lights)
+        name = fingerprint((*both, camera, spots, *([offset] if offset else [])))
         file = self.cache / f"{name[:32]}.knot.npz"
         if file.is_file():
             return _read(file)
         base = (id(before), spots)
         if base not in self._base:
             self._base[base] = self._lamps(before, camera, spots)
-        change = _difference(self._lamps(scene, camera, spots), self._base[base], camera)
+        change = _difference(self._lamps(scene, camera, spots, offset), self._base[base], camera)
         self.cache.mkdir(parents=True, exist_ok=True)
         _write(file, change)
         return change
 
-    def _lamps(self, scene: Scene, camera: Camera, spots: int) -> dict[str, np.ndarray]:
+    def _lamps(self, scene: Scene, camera: Camera, spots: int, offset: float = 0.0) -> dict[str, np.ndarray]:
         if self._rasterizer is None:
             self._rasterizer = self.opened()
         self.rendered += 1
-        image = self._rasterizer.render(scene, camera, (), True, spots)
+        image = self._rasterizer.render(scene, camera, (), True, spots, shadow_offset=offset)
         found: dict[str, np.ndarray] = {}
         for name, plane in image.passes.items():
             if name.startswith("light:"):

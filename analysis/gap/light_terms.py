@@ -10,23 +10,30 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.knot_terms import difference
+from analysis.gap.knots import MANY, Knots
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
 from interchange.effects.light_beam import beam_axes
+from interchange.effects.light_position import LightPosition
 from interchange.light import Light, LightKind
 
+MOVED = 2.0  # mm, of the step that a lamp's place is told by
 FAR = (LightKind.DISTANT, LightKind.DOME)
 
 
-def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+def light_terms(
+    conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None = None
+) -> list[Term]:
+    """``knots`` draws where shadows and highlights go as a lamp moves; without it the shading alone moves."""
     t = tolerances
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights}
     channels = max(c.mean.shape[2] for c in conditions)
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
     terms += [
-        Term("light_position", n, "xyz"[axis], "mm", t.light_position_mm, _position(n, axis))
+        Term("light_position", n, "xyz"[axis], "mm", t.light_position_mm, _moved(n, axis, knots))
         for n in near
         for axis in range(3)
     ]
@@ -64,7 +71,7 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
         )
         for k in range(channels)
     ]
-    if any(c.shown.indirect is not None for c in conditions):
+    if any(c.shown.indirect for c in conditions):
         terms.append(
             Term("interreflection", "", "scale", "1", t.flat_field / 2, _indirect, relative=True, start=1.0)
         )
@@ -110,7 +117,14 @@ def _from_lamp(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
     return d, np.maximum(np.linalg.norm(d, axis=-1, keepdims=True), 1e-6)
 
 
-def _position(name: str, axis: int) -> Field:
+def _moved(name: str, axis: int, knots: Knots | None) -> Field:
+    if knots is None:
+        return _shading(name, axis)
+    effect = LightPosition(**{"xyz"[axis]: MOVED})
+    return difference(lambda shown: knots.change(shown, effect, spots=MANY), MOVED, lamp=name)
+
+
+def _shading(name: str, axis: int) -> Field:
     def field(s: State) -> np.ndarray | None:
         if name not in s.lamps:
             return None
@@ -162,8 +176,10 @@ def _ambient(k: int) -> Field:
 
 
 def _indirect(s: State) -> np.ndarray | None:
+    """Each lamp's own: where one lamp's light goes is not where another's does."""
     share = s.shown.indirect
-    return None if share is None or not s.lamps else s.signal * s.channels(s.take(share))
+    parts = [L * s.channels(s.take(share[name])) for name, L in s.lamps.items() if name in share]
+    return sum(parts[1:], parts[0]) if parts else None
 
 
 def _albedo(name: str, k: int) -> Field:

@@ -2,13 +2,15 @@
 
     L(capture) = L_rest + sum over lamps (I_capture / I_rendered) L_lamp
 
-Captures that differ in nothing but the lamps' intensities and the exposure share one rendering.
+Captures that differ in nothing but the lamps' intensities and the exposure share one rendering. It is made on a grid
+``FINE`` times finer than the sensor's, with as many samples in all: pixels are means over ``FINE`` x ``FINE`` of its
+values, and a motion of a part of a pixel moves edges as it does in a camera, which no interpolation of pixels can.
 """
 
 import hashlib
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -23,15 +25,19 @@ from interchange.scene import Scene
 
 AMBIENT = "ambient"
 PASSES = ("depth", "position", "normal", "object_id", "material_id", "lit")
-Render = Callable[[Scene, Camera, Sequence[str], bool], Image]  # scene, camera, passes, per light
+FINE = 3  # odd: the middle of a pixel is the middle of one of its parts
+MOST = 300e6  # bytes of a rendering on the fine grid; what needs more is made on the sensor's own
+# scene, camera, passes, per light, and by how many pixels of its own a sensor's pixel is drawn
+Render = Callable[[Scene, Camera, Sequence[str], bool, int], Image]
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
     """What one camera sees of one arrangement: ``lamps`` {name: (H, W, 3)} at ``intensity``, and the passes.
 
-    ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: share of light that met another surface
-    first, (H, W, 3), or None where the renderer draws none.
+    ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: of each lamp, share of light that met another
+    surface first, (H, W, 3); none where the renderer draws none. ``fine``: the lamps (n H, n W, 3) float16 over
+    ``scale``, on a grid n times finer; none where that would be too much.
     """
 
     scene: Scene
@@ -40,9 +46,11 @@ class Rendered:
     intensity: dict[str, np.ndarray]
     rest: np.ndarray
     ambient: np.ndarray
-    indirect: np.ndarray | None
+    indirect: dict[str, np.ndarray]
     passes: dict[str, np.ndarray]
     samples: int = 64  # a pixel
+    fine: dict[str, np.ndarray] = field(default_factory=dict)
+    scale: float = 1.0
 
     def weights(self, scene: Scene) -> dict[str, np.ndarray]:
         """(3,) a lamp: its intensity in ``scene`` over the one that was rendered."""
@@ -135,7 +143,7 @@ def _at_full_power(scene: Scene, scenes: Sequence[Scene]) -> Scene:
 def _rendered(
     scene: Scene, camera: Camera, render: Render, settings: dict[str, Any], cache: Path
 ) -> Rendered:
-    key = fingerprint((scene.bodies, scene.lights, replace(camera, t_exp=1.0), settings))
+    key = fingerprint((scene.bodies, scene.lights, replace(camera, t_exp=1.0), settings, FINE, MOST))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
     if not file.is_file():
@@ -146,30 +154,58 @@ def _rendered(
         os.replace(beside, file)
     with np.load(file) as stored:
         arrays = {name: stored[name] for name in stored.files}
+    scale = float(arrays.get("scale", 1.0))
+    fine = {name: arrays[f"fine:{name}"] for name in intensity if f"fine:{name}" in arrays}
     return Rendered(
         scene=scene,
         camera=camera,
-        lamps={name: arrays[f"light:{name}"] for name in intensity},
+        lamps={
+            name: pixels(fine[name], scale, camera) if fine else arrays[f"light:{name}"] for name in intensity
+        },
         intensity=intensity,
         rest=arrays["rest"],
         ambient=arrays[AMBIENT],
-        indirect=arrays.get("indirect"),
+        indirect={k.removeprefix("indirect:"): v for k, v in arrays.items() if k.startswith("indirect:")},
         passes={k: v for k, v in arrays.items() if k.split(":")[0] in PASSES},
         samples=int(settings.get("samples", 64)),
+        fine=fine,
+        scale=scale,
     )
 
 
 def _arrays(scene: Scene, camera: Camera, render: Render, indirect: bool) -> dict[str, np.ndarray]:
-    wanted = [*PASSES, *(["direct", "indirect"] if indirect else [])]
-    image = render(scene, camera, wanted, True)
-    lamps = {name: p for name, p in image.passes.items() if name.startswith("light:")}
-    rest = np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0)
+    width, height = camera.sensor.resolution
+    finer = FINE if 6 * FINE**2 * width * height * len(scene.lights) <= MOST else 1
+    eye = camera.resized(finer * width) if finer > 1 else camera
+    image = render(scene, eye, [*PASSES, *(["indirect"] if indirect else [])], True, finer**2)
+    found = {n: p for n, p in image.passes.items() if n.split(":")[0] in ("light", "indirect")}
+    middle = slice(finer // 2, None, finer)
+    out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
+    lamps = {n: p for n, p in found.items() if n.startswith("light:")}
+    rest = _means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
     rest[rest < 1e-5 * max(float(image.pixels.max()), 1e-30)] = 0  # rounding, where nothing shines by itself
     dome = Light(AMBIENT, LightKind.DOME, (1.0, 1.0, 1.0))
-    ambient = render(replace(scene, lights=(dome,)), camera, [], False).pixels - rest
-    found = {name: p for name, p in image.passes.items() if name.split(":")[0] in PASSES}
-    out = {**found, **lamps, "rest": rest, AMBIENT: ambient}
-    if indirect:
-        bounced = image.passes["indirect"]
-        out["indirect"] = np.divide(bounced, image.pixels, out=np.zeros_like(bounced), where=image.pixels > 0)
-    return out
+    ambient = render(replace(scene, lights=(dome,)), camera, [], False, 1).pixels - rest
+    if finer > 1:
+        scale = max((float(p.max()) for p in lamps.values()), default=1.0) or 1.0
+        out |= {n.replace("light:", "fine:"): (p / scale).astype(np.float16) for n, p in lamps.items()}
+        out["scale"] = np.array(scale)
+    else:
+        out |= lamps
+    for name, whole in lamps.items():
+        key = name.replace("light:", "indirect:")
+        if indirect:
+            bounced, all_of_it = _means(found[key], finer), _means(whole, finer)
+            out[key] = np.divide(bounced, all_of_it, out=np.zeros_like(bounced), where=all_of_it > 0)
+    return {**out, "rest": rest, AMBIENT: ambient}
+
+
+def _means(plane: np.ndarray, n: int) -> np.ndarray:
+    """(H, W, 3) float32 of (n H, n W, 3)."""
+    h, w = plane.shape[0] // n, plane.shape[1] // n
+    return np.asarray(plane.reshape(h, n, w, n, 3).mean(axis=(1, 3), dtype=np.float32))
+
+
+def pixels(fine: np.ndarray, scale: float, camera: Camera) -> np.ndarray:
+    """(H, W, 3) float32: what the sensor's pixels see of a lamp's light on the finer grid."""
+    return _means(fine, fine.shape[1] // camera.sensor.resolution[0]) * np.float32(scale)

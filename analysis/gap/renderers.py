@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from analysis.gap.radiance import Render
@@ -10,6 +11,7 @@ from interchange.image import Image
 from interchange.scene import Scene
 
 NAMES = ("offline", "realtime")
+LEAST = 4  # samples of the rasteriser that a lamp's half-shadow is told from
 SAMPLES = {"offline": 128, "realtime": 16}
 
 
@@ -24,8 +26,11 @@ def renderer(name: str, samples: int = 0) -> Iterator[tuple[Render, dict[str, An
         settings = CyclesSettings(samples=samples, denoise=1)
         with Cycles() as cycles:
 
-            def traced(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool) -> Image:
-                return cycles.render(scene, camera, settings, passes, per_light)
+            def traced(
+                scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
+            ) -> Image:
+                own = replace(settings, samples=-(-samples // parts))
+                return cycles.render(scene, camera, own, passes, per_light)
 
             yield traced, {"renderer": "cycles", "indirect": True, **settings.as_dict()}
     else:
@@ -33,7 +38,9 @@ def renderer(name: str, samples: int = 0) -> Iterator[tuple[Render, dict[str, An
 
         with Rasterizer() as rasterizer:
 
-            def drawn(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool) -> Image:
-                return rasterizer.render(scene, camera, passes, per_light, samples)
+            def drawn(
+                scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
+            ) -> Image:
+                return rasterizer.render(scene, camera, passes, per_light, max(-(-samples // parts), LEAST))
 
             yield drawn, {"renderer": "rasterizer", "indirect": False, "samples": samples}

@@ -1,5 +1,7 @@
 """One condition as the model stands: simulated DN, and what sensitivities are made of, on every ``stride``-th pixel."""
 
+import hashlib
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -9,11 +11,13 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
-from analysis.gap.radiance import Rendered
+from analysis.gap.radiance import FINE, Rendered, pixels
 from interchange.effects import Effect
 from interchange.filtering import resample
 from interchange.frames import apply
 from interchange.image import Image, Quantity
+
+KEPT = 24  # moved renderings
 
 
 class State:
@@ -31,10 +35,11 @@ class State:
         symmetric: bool = False,
     ) -> None:
         self.condition, self.effects, self.stride = condition, tuple(effects), stride
-        self.symmetric = symmetric
+        self.symmetric = symmetric and not condition.shown.fine
+        self.flow = flow
         self.camera, self.shown = condition.camera, condition.shown
         if flow is not None:
-            self.shown = _moved(self.shown, flow)
+            self.shown = moved(self.shown, flow)
         self.moved = replace(condition, rendered=self.shown)
 
     def take(self, plane: np.ndarray) -> np.ndarray:
@@ -93,9 +98,22 @@ class State:
 
     @cached_property
     def gradient(self) -> tuple[np.ndarray, np.ndarray]:
-        """(h, w, C) DN/px along columns and along rows."""
-        dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
-        return self.take(dx), self.take(dy)
+        """(h, w, C) DN/px along columns and along rows; on the finer grid by what a step of it changes each way, as the
+        differences of neighbouring pixels are not the slope of an edge between them."""
+        if not self.condition.shown.fine:
+            dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
+            return self.take(dx), self.take(dy)
+        flow = self.flow if self.flow is not None else np.zeros((*self.condition.mean.shape[:2], 2))
+        slopes = []
+        for axis in np.eye(2) / FINE:
+            ahead, behind = (
+                replace(self.condition, rendered=moved(self.condition.shown, flow + way))
+                .simulated(self.effects)
+                .dn
+                for way in (-axis, axis)
+            )
+            slopes.append(self.take((ahead - behind) * np.float32(FINE / 2)))
+        return slopes[0], slopes[1]
 
     @cached_property
     def symmetric_gradient(self) -> tuple[np.ndarray, np.ndarray]:
@@ -139,6 +157,21 @@ class State:
         return np.asarray(-(dx * du[..., None] + dy * dv[..., None]), np.float32)
 
 
+def moved(shown: Rendered, flow: np.ndarray) -> Rendered:
+    """What is seen where the scene moves by ``flow`` (H, W, 2) px in the image. The last ``KEPT`` are kept: conditions
+    that differ in nothing but what the lamps give share them."""
+    key = (id(shown), hashlib.sha256(flow.tobytes()).hexdigest())
+    if key not in _kept:
+        _kept[key] = shown, _moved(shown, flow)
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key][1]
+
+
+_kept: OrderedDict[tuple[int, str], tuple[Rendered, Rendered]] = OrderedDict()
+
+
 def _moved(shown: Rendered, flow: np.ndarray) -> Rendered:
     h, w = flow.shape[:2]
     column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
@@ -149,7 +182,20 @@ def _moved(shown: Rendered, flow: np.ndarray) -> Rendered:
 
     return replace(
         shown,
-        lamps={name: there(plane) for name, plane in shown.lamps.items()},
+        lamps=_moved_finely(shown, flow) if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
         rest=there(shown.rest) if shown.rest.any() else shown.rest,
         ambient=there(shown.ambient),
     )
+
+
+def _moved_finely(shown: Rendered, flow: np.ndarray) -> dict[str, np.ndarray]:
+    (h, w), n = flow.shape[:2], next(iter(shown.fine.values())).shape[0] // flow.shape[0]
+    column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
+    by = cv2.resize(
+        np.ascontiguousarray(n * flow, np.float32), (n * w, n * h), interpolation=cv2.INTER_LINEAR
+    )
+    x, y = column - by[..., 0], row - by[..., 1]
+    return {
+        name: pixels(resample(plane.astype(np.float32), x, y), shown.scale, shown.camera)
+        for name, plane in shown.fine.items()
+    }

@@ -2,6 +2,9 @@
 
 Kept on disk under a hash of all that decides it. Light that met one surface and light that met more are two images;
 the second is smoothed within surfaces, which takes out the path tracer's noise and leaves edges.
+
+The engine is told mm: its rays begin (1 + |p|) 9e-5 units off a surface at p, which would be 0.1 mm in a scene told
+in metres, and shadows would end that much short.
 """
 
 import glob
@@ -81,7 +84,7 @@ def _mesh(mi: Any, bsdf: Any, part: Part, pose: int) -> Any:
     props["face_normals"] = s.normals is None
     mesh = mi.Mesh(part.name, len(s.vertices), len(s.faces), props, s.normals is not None, s.uv is not None)
     p = mi.traverse(mesh)
-    p["vertex_positions"] = ((s.vertices @ M[:3, :3].T + M[:3, 3]) / 1e3).astype(np.float32).ravel()
+    p["vertex_positions"] = (s.vertices @ M[:3, :3].T + M[:3, 3]).astype(np.float32).ravel()
     p["faces"] = s.faces.astype(np.uint32).ravel()
     if s.normals is not None:
         n = s.normals @ np.linalg.inv(M[:3, :3])
@@ -94,7 +97,7 @@ def _mesh(mi: Any, bsdf: Any, part: Part, pose: int) -> Any:
 
 def _sensor(mi: Any, eye: Eye, size: tuple[int, int], q: Quality) -> dict[str, Any]:
     w, h = size[0] + 2 * q.margin, size[1] + 2 * q.margin
-    origin = np.array(eye.position) / 1e3
+    origin = np.array(eye.position)
     up, back = np.array(eye.rotation[1]), np.array(eye.rotation[2])
     fov = 2 * np.degrees(np.arctan(w / size[0] / 2 / eye.focal))
     look = mi.ScalarTransform4f().look_at(origin.tolist(), (origin - back).tolist(), up.tolist())
@@ -102,7 +105,7 @@ def _sensor(mi: Any, eye: Eye, size: tuple[int, int], q: Quality) -> dict[str, A
         "type": "hdrfilm", "width": w * q.fine, "height": h * q.fine, "rfilter": {"type": "box"},
         "component_format": "float32", "pixel_format": "rgb",
     }  # fmt: skip
-    return {"type": "perspective", "fov": fov, "fov_axis": "x", "to_world": look, "film": film, "near_clip": 0.01,
+    return {"type": "perspective", "fov": fov, "fov_axis": "x", "to_world": look, "film": film, "near_clip": 10.0,
             "sampler": {"type": "multijitter", "sample_count": q.samples}}  # fmt: skip
 
 
@@ -117,11 +120,10 @@ def _lamp(lamp: Lamp) -> dict[str, Any]:
         raise ValueError(
             "The engine draws lamps that shine everywhere alike; beam() is applied to their light."
         )
-    r = lamp.radius / 1e3
-    L = lamp.intensity / 4 / (np.pi * r**2)
-    centre = (np.array(lamp.position) / 1e3).tolist()
+    L = lamp.intensity / 4 / (np.pi * (lamp.radius / 1e3) ** 2)
+    centre = np.array(lamp.position).tolist()
     emitter = {"type": "area", "radiance": _rgb([L] * 3)}
-    return {"type": "sphere", "center": centre, "radius": r, "emitter": emitter}
+    return {"type": "sphere", "center": centre, "radius": lamp.radius, "emitter": emitter}
 
 
 def _sky(mi: Any) -> dict[str, Any]:
@@ -184,7 +186,7 @@ def layer(
 ) -> dict[str, np.ndarray]:
     """``direct``, ``indirect`` (h, w, 3): radiance of one lamp, or of the surroundings where ``lamp`` is None."""
     key = content(
-        _bodies(bench, pose), asdict(eye), asdict(lamp) if lamp else "sky", asdict(q), bench.size, seed, 3
+        _bodies(bench, pose), asdict(eye), asdict(lamp) if lamp else "sky", asdict(q), bench.size, seed, 4
     )
 
     def make() -> dict[str, np.ndarray]:
@@ -204,7 +206,7 @@ def layer(
 
 def guide(bench: Bench, eye: Eye, pose: int, q: Quality, cache: Path) -> dict[str, np.ndarray]:
     """At fine pixels' centres: ``part`` (h, w) index or -1, ``normal`` and ``position`` m (h, w, 3)."""
-    key = content("guide", _bodies(bench, pose), asdict(eye), asdict(q), bench.size)
+    key = content("guide 2", _bodies(bench, pose), asdict(eye), asdict(q), bench.size)
 
     def make() -> dict[str, np.ndarray]:
         mi = start()
@@ -224,7 +226,7 @@ def guide(bench: Bench, eye: Eye, pose: int, q: Quality, cache: Path) -> dict[st
         return {
             "part": part.reshape(h, w),
             "normal": np.array(hit.sh_frame.n).T.reshape(h, w, 3).astype(np.float32),
-            "position": np.array(hit.p).T.reshape(h, w, 3).astype(np.float32),
+            "position": (np.array(hit.p) / 1e3).T.reshape(h, w, 3).astype(np.float32),
         }
 
     return _kept(cache / f"{key}.npz", make)

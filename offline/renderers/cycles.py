@@ -29,6 +29,8 @@ from offline.wide import bands, is_native, oversampling, wide_camera
 
 TRUTH = {"depth", "position", "normal", "object_id", "material_id", "motion"}
 
+PER_LIGHT = ("light", "light_indirect")  # arrays of a worker with one image a lamp
+
 
 class Cycles:
     """Owns one worker process, warm between frames: what did not change from frame to frame is not sent again.
@@ -68,9 +70,9 @@ class Cycles:
     ) -> Image:
         """Radiance (H, W, 3) float32, pixel means, with ``passes`` (interchange.image).
 
-        ``per_light`` adds ``light:NAME`` for every lamp. ``next_scene``: the next frame, which pass ``motion`` needs;
-        its camera is the one of the same name. Raises BrightfieldError for what this renderer cannot draw and for a
-        worker that fails twice.
+        ``per_light`` adds ``light:NAME`` for every lamp, and ``indirect:NAME`` where pass ``indirect`` is asked for.
+        ``next_scene``: the next frame, which pass ``motion`` needs; its camera is the one of the same name. Raises
+        BrightfieldError for what this renderer cannot draw and for a worker that fails twice.
         """
         began = time.perf_counter()
         asked = check_passes(list(passes))
@@ -123,15 +125,17 @@ class Cycles:
             arrays, reply = self._arrays(replace(job, camera=band, settings=spread, truth=False))
             if job.lit:
                 pick(arrays.pop("lit"), wide, camera, first, lit)
-            lamps = arrays.pop("light", ())
-            gathering.add({**arrays, **{f"light {k}": plane for k, plane in enumerate(lamps)}}, first)
+            for kind in PER_LIGHT:
+                planes = arrays.pop(kind, ())
+                arrays |= {f"{kind} {k}": plane for k, plane in enumerate(planes)}
+            gathering.add(arrays, first)
             for name, spent in reply.seconds.items():
                 seconds[name] = seconds.get(name, 0.0) + spent
         means = gathering.means()
-        result = {name: plane for name, plane in means.items() if not name.startswith("light ")}
-        if job.per_light:
-            each = [means[f"light {k}"] for k in range(count)]
-            result["light"] = np.stack(each) if each else np.zeros((0, *size, 3), np.float32)
+        result = {name: plane for name, plane in means.items() if not name.startswith(PER_LIGHT)}
+        for kind in PER_LIGHT if job.per_light else ():
+            each = [means[f"{kind} {k}"] for k in range(count)]
+            result[kind] = np.stack(each) if each else np.zeros((0, *size, 3), np.float32)
         if job.lit:
             result["lit"] = lit
         if job.truth:

@@ -55,6 +55,7 @@ class Rasterizer:
         samples: int = 16,
         shading: str = "sample",
         next_scene: Scene | None = None,
+        shadow_offset: float = 0.0,
     ) -> Image:
         """Linear radiance (H, W, 3) float32 and the passes asked for, as interchange.image defines them.
 
@@ -64,6 +65,8 @@ class Rasterizer:
         samples of a pass lie on one smooth surface (realtime.merge), as multisampling does: for live views with
         ``samples`` 4, 8, ...; scenes with textures and with lamps that are seen themselves are lit sample by sample
         all the same.
+        ``shadow_offset``: m above each surface, along its normal, where it is asked what hides the lamps: as where a
+        part stands off what it lies on, or where another engine lets its rays begin.
         ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
         a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
         """
@@ -87,6 +90,7 @@ class Rasterizer:
                 if light.texture is not None and light.visible:
                     stages.uploads.picture(light.texture)
             stages.shadows.expire()
+            stages.shadows.offset = shadow_offset
             stages.uploads.end()
             frame = Frame(stages, scene, camera, samples, self.shadow_resolution, shading == "pixel")
             pixels, alone = frame.radiance("light" in wanted)

@@ -69,8 +69,10 @@ def rasterizer() -> Iterator[Rasterizer]:
 def found(folder: Path, rasterizer: Rasterizer) -> list[Condition]:
     """Two lamps of the bench's six."""
 
-    def render(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool) -> Image:
-        return rasterizer.render(scene, camera, passes, per_light, SPOTS)
+    def render(
+        scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
+    ) -> Image:
+        return rasterizer.render(scene, camera, passes, per_light, max(SPOTS // parts, 1))
 
     bare = conditions(captures_file.read(folder / "captures.json"), open_scene(folder / "scene.usda"))
     bare = [replace(c, scene=replace(c.scene, lights=c.scene.lights[0:3:2])) for c in bare]

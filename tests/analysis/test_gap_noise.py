@@ -49,7 +49,7 @@ def _rig(
     planes = _planes()
     full = Scene(lights=tuple(Light(n, LightKind.SPHERE, (1.0, 1.0, 1.0)) for n in LAMPS))
     nothing = np.zeros((120, 160, 3), np.float32)
-    shown = Rendered(full, camera, planes, {n: np.ones(3) for n in LAMPS}, nothing, nothing, None, {})
+    shown = Rendered(full, camera, planes, {n: np.ones(3) for n in LAMPS}, nothing, nothing, {}, {})
     found = []
     for lamp in LAMPS:
         on = tuple(replace(x, intensity=(power * (x.name == lamp),) * 3) for x in full.lights)

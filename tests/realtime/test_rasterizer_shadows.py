@@ -49,6 +49,21 @@ def test_edge_in_parallel_light(rasterizer, make):
     assert abs(x[np.argmin(np.abs(lit - 0.5))] + 0.05) < 1e-3
 
 
+@pytest.mark.parametrize("offset", [0.01, 0.04])
+def test_a_shadow_on_points_that_stand_off_ends_sooner(rasterizer, make, offset):
+    """Light falls at 0.5 to the side a metre: points raised by δ lie 0.5 δ nearer below the edge."""
+    light = Light("/sun", LightKind.DISTANT, (1.0, 1.0, 1.0), make.facing((0.5, 0, 1), (0, 0, 0)))
+    scene, camera = (
+        over_the_edge(make, 0.1, light),
+        make.telecentric((0, -0.05, 0.02), (0, 0, 0), 0.4 / 256, (256, 2)),
+    )
+    lit = [
+        rasterizer.render(scene, camera, samples=64, shadow_offset=o).pixels[0, :, 0] for o in (0.0, offset)
+    ]
+    nearer = (lit[0].sum() - lit[1].sum()) / lit[0].max() * 0.4 / 256
+    assert abs(abs(nearer) - 0.5 * offset) < 1e-3  # a third of a texel
+
+
 @pytest.mark.parametrize("kind", ["rect", "disk", "sphere", "cylinder", "distant"])
 def test_penumbra(rasterizer, make, kind):
     """Behind a straight edge half-way up, the lamp comes out of the shadow by its own outline's

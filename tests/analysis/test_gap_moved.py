@@ -1,0 +1,42 @@
+"""A motion of a part of a pixel moves the edges of a rendering as it moves them in a camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.radiance import FINE, Rendered, pixels
+from analysis.gap.state import moved
+from interchange.camera import Camera, Sensor
+from interchange.light import Light, LightKind
+from interchange.scene import Scene
+
+LAMP, SIZE = "/lamp", (24, 16)
+
+
+def shown(edge: float, finer: int = FINE) -> Rendered:
+    """Light to the left of column ``edge``, px from the image's left side; 1 is what a lit pixel has."""
+    camera = Camera("/eye", sensor=Sensor(SIZE, (1e-6, 1e-6)))
+    n = finer * SIZE[0]
+    row = np.clip(finer * edge - np.arange(n), 0, 1)
+    fine = np.broadcast_to(row[None, :, None], (finer * SIZE[1], n, 3)).astype(np.float16)
+    scene = Scene(lights=(Light(LAMP, LightKind.SPHERE, (1.0, 1.0, 1.0)),))
+    nothing = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+    lamps = {LAMP: pixels(fine, 1.0, camera)}
+    whole = Rendered(scene, camera, lamps, {LAMP: np.ones(3)}, nothing, nothing, {}, {})
+    return replace(whole, fine={LAMP: fine}) if finer == FINE else whole
+
+
+@pytest.mark.parametrize("by", [0.1, -0.2, 1 / 3, 0.5])
+def test_an_edge_moves_by_parts_of_a_pixel(by: float) -> None:
+    """Which pixels alone cannot tell: there the edge is as wide as two of them, and by up to 0.2 of its height off."""
+    flow = np.zeros((SIZE[1], SIZE[0], 2))
+    flow[..., 0] = by
+    want = shown(12.4 + by).lamps[LAMP][4, 4:-4, 0]
+    got = moved(shown(12.4), flow).lamps[LAMP][4, 4:-4, 0]
+    alone = moved(replace(shown(12.4), fine={}), flow).lamps[LAMP][4, 4:-4, 0]
+    assert (
+        np.abs(got - want).max() < 0.08
+    )  # a quarter of a third of a pixel, where the fine grid rounds an edge
+    assert got.sum() == pytest.approx(want.sum(), abs=0.01)
+    assert np.abs(got - want).sum() < 0.5 * np.abs(alone - want).sum() + 1e-3
