@@ -8,8 +8,9 @@ A name may end in its unit, ``tx_mm``.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -121,26 +122,44 @@ def _plain(value: np.ndarray) -> Any:
 
 
 def groups_of(scene: Scene, prim: str) -> tuple[str, dict[str, Group]]:
-    """The whole path of a prim, and its groups. Raises BrightfieldError where the scene lacks it."""
-    for camera in scene.cameras:
-        if is_named(camera.name, prim):
-            return camera.name, of_camera(camera)
-    for light in scene.lights:
-        if is_named(light.name, prim):
-            return light.name, of_light(light)
-    for name in scene.object_names:
-        if is_named(name, prim):
-            return name, of_object(name)
+    """The whole path of a prim, and its groups. Raises BrightfieldError where the scene lacks it, and where a path's
+    end fits several."""
+    known: dict[str, Callable[[], dict[str, Group]]] = {}
     for body in scene.bodies:
-        if is_named(body.material.name, prim):
-            return body.material.name, of_material(body.material)
-    known = [*(c.name for c in scene.cameras), *(x.name for x in scene.lights)]
-    known += [*scene.object_names, *scene.material_names]
+        known[body.material.name] = partial(of_material, body.material)
+    for name in scene.object_names:
+        known[name] = partial(of_object, name)
+    for light in scene.lights:
+        known[light.name] = partial(of_light, light)
+    for camera in scene.cameras:
+        known[camera.name] = partial(of_camera, camera)
+    fits = [prim] if prim in known else [name for name in known if is_named(name, prim)]
+    if len(fits) == 1:
+        return fits[0], known[fits[0]]()
+    if fits:
+        raise BrightfieldError(f'"{prim}" must be one prim; it fits {" and ".join(sorted(fits))}.')
     words = [*known, *(k.rsplit("/", 1)[-1] for k in known)]
-    hint = did_you_mean(prim, words) or f" There are {', '.join(known[:12])}."
+    hint = did_you_mean(prim, words) or f" There are {', '.join(sorted(known)[:12])}."
     raise BrightfieldError(f'The scene has no camera, lamp, object or material "{prim}".{hint}')
 
 
 def is_named(name: str, prim: str) -> bool:
     """Whether ``prim`` is the path ``name`` or its end."""
     return name == prim or name.endswith("/" + prim.lstrip("/"))
+
+
+def objects_named(scene: Scene, words: Any) -> tuple[str, ...]:
+    """The objects of these paths, or ends of paths; ``words`` is one or a list. Raises BrightfieldError with all that
+    the scene lacks."""
+    found: dict[str, None] = {}
+    missing = []
+    for word in words if isinstance(words, list) else [words]:
+        fits = [n for n in scene.object_names if is_named(n, str(word))]
+        if not fits:
+            known = [w for n in scene.object_names for w in (n, n.rsplit("/", 1)[-1])]
+            hint = did_you_mean(str(word), known) or f" There are {', '.join(scene.object_names[:12])}."
+            missing.append(f'The scene has no object "{word}".{hint}')
+        found |= dict.fromkeys(fits)
+    if missing:
+        raise BrightfieldError(" ".join(missing))
+    return tuple(found)

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from analysis.sweep.pieces import pieces_of
 from analysis.view.visibility import Visibility, visibility
 from interchange.camera import Camera
 from interchange.parameter import freeze
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
-POINTS = 2000  # on a workpiece: a share is told within 0.011
+POINTS = 5000  # on a workpiece: the standard deviation of a share is at most 0.007
 WIDTH = 160  # px of the depth maps that tell what hides what
 
 
@@ -27,7 +28,7 @@ class Moment:
         if key not in self._seen:
             small = camera.resized(min(WIDTH, camera.sensor.resolution[0]))
             dark = replace(self.scene, lights=())
-            names = [n for n in of if any(b.name == n for b in self.scene.bodies)]
+            names = list(dict.fromkeys(b.name for b in pieces_of(self.scene, of)))
             try:
                 self._seen[key] = visibility(self._live(), dark, small, names, POINTS) if names else None
             except BrightfieldError as error:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from analysis.sweep.address import is_named
+from analysis.sweep.address import objects_named
 from analysis.sweep.axis_file import is_number
 from analysis.sweep.constraints import MODELS, Constraint
 from analysis.sweep.findings import Findings
@@ -62,12 +62,8 @@ def read_constraints(given: Any, scene: Scene, wrong: Findings) -> tuple[Constra
 
 
 def _objects(given: Any, scene: Scene, key: str, wrong: Findings) -> tuple[str, ...]:
-    names = given if isinstance(given, list) else [given]
-    found: dict[str, None] = {}
-    for name in names:
-        fits = [n for n in scene.object_names if is_named(n, str(name))]
-        if not fits:
-            hint = did_you_mean(str(name), [w for n in scene.object_names for w in (n, n.rsplit("/", 1)[-1])])
-            wrong(key, f'It must name objects of the scene; got "{name}".{hint}')
-        found |= dict.fromkeys(fits)
-    return tuple(found)
+    try:
+        return objects_named(scene, given)
+    except BrightfieldError as error:
+        wrong(key, str(error))
+        return ()

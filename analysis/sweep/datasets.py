@@ -88,6 +88,7 @@ def row(plan: Plan, record: dict[str, Any], weight: float) -> dict[str, Any]:
     }
     for seen in record["instances"]:
         out[f"pixels.{seen['name']}"] = seen["pixels"]
+        out[f"box.{seen['name']}"] = seen["box"]
     return out
 
 

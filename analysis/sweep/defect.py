@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.sweep.carve import carve
 from analysis.sweep.footprint import Footprint
+from analysis.sweep.pieces import names_of, object_of, piece, pieces_of
 from analysis.sweep.surface import Anchor, OffSurface, frame_at, runs_over_edge
 from analysis.sweep.truth import alone, mask_of
 from interchange.camera import Camera
@@ -26,11 +27,10 @@ Truth = Callable[[Any, Camera, Image], tuple[np.ndarray, np.ndarray]]  # rasteri
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """The scene with a defect in it, and its ground truth. ``names``: bodies that are the defect."""
+    """The scene with a defect in it, and its ground truth."""
 
     scene: Scene
     truth: Truth
-    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Defect:
         freeze(self)
 
     def on(self, scene: Scene, target: str, anchor: Anchor, label: str) -> Placed:
-        """``target``: the object's path; ``label``: what the defect's own surface is called. Raises OffSurface where
-        there is no room for it."""
+        """``target``: the object's path; ``label``: what the defect's surface is called among the object's pieces
+        (analysis.sweep.pieces). Raises OffSurface where there is no room for it."""
         raise NotImplementedError
 
 
@@ -68,25 +68,33 @@ class SurfaceDefect(Defect):
 
     def on(self, scene: Scene, target: str, anchor: Anchor, label: str) -> Placed:
         shape = self.footprint()
-        bodies = [b for b in scene.bodies if b.name == target]
+        bodies = pieces_of(scene, [target])
+        if not bodies:
+            raise OffSurface(f"{label} must lie on {target}; it is not there.")
         defect_from_world = frame_at(bodies, anchor, 1e-3 * self.x, 1e-3 * self.y, 1e-3 * self.angle)
         if not shape.is_flat and runs_over_edge(bodies, defect_from_world, shape):
             raise OffSurface(f"{label} must lie on {target}; it runs over an edge.")
         new: list[Body] = []
         for body in scene.bodies:
-            if body.name != target:
+            if object_of(body.name) != target:
                 new.append(body)
                 continue
             rest, own = carve(body.mesh, defect_from_world @ body.world_from_body, shape)
             if rest is not None:
                 new.append(body if own is None else replace(body, mesh=rest))
             if own is not None:
-                new.append(replace(body, name=label, mesh=own, material=self.material(body.material)))
-        if all(b.name != label for b in new):
-            raise OffSurface(f"{label} must lie on {target}; no surface is there.")
+                name = piece(body.name, label)
+                new.append(replace(body, name=name, mesh=own, material=self.material(body.material)))
         after = replace(scene, bodies=tuple(new))
+        if not names_of(after.object_names, target, label):
+            raise OffSurface(f"{label} must lie on {target}; no surface is there.")
 
         def truth(live: Any, camera: Camera, image: Image) -> tuple[np.ndarray, np.ndarray]:
-            return mask_of(image, [label]), alone(live, after, camera, [label])
+            names = names_of(
+                image.object_names, target, label
+            )  # later defects may have cut it into more pieces
+            return mask_of(image, names), alone(
+                live, after, camera, names_of(after.object_names, target, label)
+            )
 
-        return Placed(after, truth, (label,))
+        return Placed(after, truth)

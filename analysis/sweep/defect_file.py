@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from analysis.sweep.address import is_named
+from analysis.sweep.address import objects_named
 from analysis.sweep.axis_file import is_number
 from analysis.sweep.defects import MODELS
 from analysis.sweep.findings import Findings
@@ -37,10 +37,13 @@ def read_defects(given: Any, scene: Scene, wrong: Findings, take: Take) -> tuple
             continue
         declared = parameters(MODELS[kind])
         wrong.strange(data, KEYS | set(declared), key)
-        on = [n for n in scene.object_names if is_named(n, str(data.get("on")))]
+        try:
+            on = objects_named(scene, data.get("on"))
+        except BrightfieldError as error:
+            wrong(f"{key}.on", str(error))
+            continue
         if len(on) != 1:
-            hint = did_you_mean(str(data.get("on")), scene.object_names)
-            wrong(f"{key}.on", f'A defect must name an object of the scene; got "{data.get("on")}".{hint}')
+            wrong(f"{key}.on", f"A defect must be on one object; this is {' and '.join(on)}.")
             continue
         at, toward = (_vector(data.get(n), f"{key}.{n}", wrong) for n in ("at", "toward"))
         if toward is not None and not any(toward):

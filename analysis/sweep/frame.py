@@ -31,8 +31,7 @@ def make(job: SweepJob, bench: Bench) -> dict[str, Any]:
     camera = camera.resized(job.width) if job.width else camera
     image = bench.render(scene, camera, job)
     live = bench.live(job.threads)
-    parts = {d.on: [n for e, p in placed for n in p.names if e.on == d.on] for d, _ in placed}
-    found = instances(live, scene, camera, image, job.objects, parts, "bop" in job.writes)
+    found = instances(live, scene, camera, image, job.objects, "bop" in job.writes)
     found += [Instance(d.name, d.kind, *p.truth(live, camera, image)) for d, p in placed]
     folder, name = Path(job.folder), f"{job.frame:06d}"
     made_by = {**image.made_by, "sweep_job": job.key, "values": values}

@@ -40,8 +40,8 @@ class PlannedDefect:
 
     @property
     def label(self) -> str:
-        """What its own surface is called in a scene."""
-        return f"{self.on}/{self.kind}_{self.number}"
+        """What its surface is called among the object's pieces."""
+        return f"{self.kind}_{self.number}"
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class Plan:
     width: int = 0  # px, 0 leaves the cameras' own
     noise: bool = True  # of the sensor
     text: str = ""  # the file's own
+    notes: tuple[str, ...] = ()  # what is not done although nobody said so
 
     def values_at(self, row: np.ndarray, time: float) -> dict[str, float]:
         """Every number that the plan sets, by address, for a row of the design."""

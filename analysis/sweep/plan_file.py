@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from analysis.sweep.address import is_named, knob
+from analysis.sweep.address import knob, objects_named
 from analysis.sweep.axis_file import is_number, read_axis
 from analysis.sweep.constraint import Constraint
 from analysis.sweep.constraint_file import read_constraints
@@ -13,6 +13,7 @@ from analysis.sweep.placing import PREFIX
 from analysis.sweep.plan import RENDERERS, SAMPLES, WRITES, Moving, Plan, PlannedDefect, Rendering
 from analysis.sweep.sampling import Axis, Method
 from analysis.sweep.strict_yaml import load
+from interchange.formats import bop
 from interchange.formats.document import open_scene
 from interchange.parameter import Parameter
 from interchange.problems import BrightfieldError, FileError, did_you_mean
@@ -77,13 +78,14 @@ def read(path: Path | str) -> Plan:
     if method is Method.LIST and len({a.size for a in axes}) > 1:
         sizes = ", ".join(f"{a.address} has {a.size}" for a in axes)
         wrong("parameters", f"With sampling by list all lists must be equally long; {sizes}.")
-    writes = _writes(data, wrong)
+    writes, notes = _writes(data, scene, cameras, wrong)
+    axes.sort(key=lambda axis: axis.address.startswith(PREFIX))  # the scene's own first
+    width, noise = wrong.number(data, "width", "", 8, 65536, 0), wrong.flag(data, "noise", "", True)
     if wrong.problems:
         raise FileError(wrong.problems)
     return Plan(
         path, scene_path, cameras, times, rendering, method, count, seed, tuple(axes), fixed, tuple(moving), defects,
-        constraints, objects, units, writes, wrong.number(data, "width", "", 8, 65536, 0),
-        wrong.flag(data, "noise", "", True), text,
+        constraints, objects, units, writes, width, noise, text, notes,
     )  # fmt: skip
 
 
@@ -135,17 +137,11 @@ def _objects(data: dict[str, Any], scene: Scene | None, wrong: Findings) -> tupl
     if scene is None:
         return ()
     given = data.get("objects", "all")
-    if given == "all":
-        return scene.object_names
-    found: dict[str, None] = {}
-    for name in given if isinstance(given, list) else [given]:
-        fits = [n for n in scene.object_names if is_named(n, str(name))]
-        if not fits:
-            wrong(
-                "objects", f'The scene has no object "{name}".{did_you_mean(str(name), scene.object_names)}'
-            )
-        found |= dict.fromkeys(fits)
-    return tuple(found)
+    try:
+        return scene.object_names if given == "all" else objects_named(scene, given)
+    except BrightfieldError as error:
+        wrong("objects", str(error))
+        return ()
 
 
 def _rendering(given: Any, wrong: Findings) -> Rendering:
@@ -187,7 +183,10 @@ def _sampling(given: Any, wrong: Findings) -> tuple[Method, int, int]:
     return method, count, wrong.number(data, "seed", "sampling", 0, 2**31 - 1, 0)
 
 
-def _writes(data: dict[str, Any], wrong: Findings) -> tuple[str, ...]:
+def _writes(
+    data: dict[str, Any], scene: Scene | None, cameras: tuple[str, ...], wrong: Findings
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What is written, and what is not although nobody said so."""
     given = data.get("write", list(WRITES))
     listed = given if isinstance(given, list) else [given]
     for word in listed:
@@ -195,4 +194,11 @@ def _writes(data: dict[str, Any], wrong: Findings) -> tuple[str, ...]:
             wrong(
                 "write", f'It must be of {", ".join(WRITES)}; got "{word}".{did_you_mean(str(word), WRITES)}'
             )
-    return tuple(w for w in WRITES if w in listed)
+    notes: tuple[str, ...] = ()
+    why = [reason for c in cameras if scene is not None and (reason := bop.can_hold(scene.camera(c)))]
+    if why and "bop" in listed:
+        if "write" in data:
+            wrong("write", f"BOP cannot be written: {'; '.join(why)}.")
+        notes = (f"BOP is not written: {'; '.join(why)}.",)
+        listed = [w for w in listed if w != "bop"]
+    return tuple(w for w in WRITES if w in listed), notes

@@ -4,12 +4,13 @@
 alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from analysis.sweep.pieces import names_of
 from interchange.camera import Camera
 from interchange.formats.rle import encode
 from interchange.image import Image
@@ -78,16 +79,14 @@ def instances(
     camera: Camera,
     image: Image,
     objects: Sequence[str],
-    parts: Mapping[str, Sequence[str]],
     whole: bool,
 ) -> list[Instance]:
-    """Every object of ``objects`` that the scene has, in that order. ``parts``: an object's pieces of other names;
-    ``whole``: also what is hidden."""
+    """Every object of ``objects`` that the scene has, in that order. ``whole``: also what is hidden."""
     found = []
     for k, name in enumerate(objects):
-        if name not in scene.object_names:
+        names = names_of(scene.object_names, name)
+        if not names:
             continue
-        names = [name, *parts.get(name, ())]
         seen = mask_of(image, names)
         full = seen | alone(live, scene, camera, names) if whole else seen
         found.append(Instance(name, "object", seen, full, k + 1))

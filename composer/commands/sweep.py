@@ -27,12 +27,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from analysis.sweep.plan_file import read
     from analysis.sweep.run import design, sweep
-    from composer.contact_sheet import of_manifest, write_contact_sheet
+    from composer.contact_sheet import write_contact_sheet
     from interchange.formats import parquet
 
     if args.workers < 0:
         raise BrightfieldError(f"--workers must be 0 or more; got {args.workers}.")
     plan = read(args.plan)
+    for note in plan.notes:
+        print(note, file=sys.stderr)
     if args.check:
         made = design(plan)
         frames = len(made.rows) * len(plan.times) * len(plan.cameras)
@@ -50,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     rows, _ = parquet.read(out / "manifest.parquet")
     if rows and "file.image" in rows[0]:
         varying = [*(a.address for a in plan.axes), *(m.address for m in plan.moving)]
-        write_contact_sheet(out / "contact_sheet.png", of_manifest(out, rows, varying))
+        write_contact_sheet(out / "contact_sheet.png", out, rows, varying)
     s = done.summary
     print(f"{s['samples']} samples, {done.frames} frames in {out}, {duration(done.seconds)}.")
     if done.skipped:

@@ -1,8 +1,8 @@
 """Parts do not meet: no triangles cross, none lies inside another, and the distance is at least the clearance.
 
 Touching is meeting. Triangles by trimesh and FCL (Pan, Chitta, Manocha: FCL: a general purpose library for
-collision and proximity queries. ICRA 2012); a part inside another by the winding number of one of its points (van Oosterom, Strackee:
-The solid angle of a plane triangle. 1983).
+collision and proximity queries. ICRA 2012); a part inside another by the winding number of one of its points (van
+Oosterom, Strackee: The solid angle of a plane triangle. 1983).
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.sweep.constraint import Constraint, Moment
+from analysis.sweep.pieces import object_of, pieces_of
 from interchange.formats.bop import rigid_and_stretch
 from interchange.frames import apply
 from interchange.mesh import Mesh
@@ -27,12 +28,9 @@ class NoCollision(Constraint):
     clearance: float = parameter(0.0, "c", "mm", 0, 1e5, "least distance")
 
     def breaks(self, moment: Moment) -> bool:
-        own = [b for b in moment.scene.bodies if b.name in self.of]
-        others = [
-            b
-            for b in moment.scene.bodies
-            if b.name not in self.of and (not self.against or b.name in self.against)
-        ]
+        own = list(pieces_of(moment.scene, self.of))
+        rest = [b for b in moment.scene.bodies if object_of(b.name) not in self.of]
+        others = [b for b in rest if not self.against or object_of(b.name) in self.against]
         if not own or not others or _apart(own, others, 1e-3 * self.clearance):
             return False
         a, b = _manager(own), _manager(others)

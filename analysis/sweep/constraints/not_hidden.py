@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from analysis.sweep.constraint import Constraint, Moment
+from analysis.sweep.pieces import object_of
 from interchange.parameter import parameter
 
 
@@ -18,7 +19,9 @@ class NotHidden(Constraint):
             found = moment.visibility(camera, self.of)
             if found is None:
                 return True
-            shares = [s for name, s in found.hidden.items() if not self.against or name in self.against]
+            shares = [
+                s for name, s in found.hidden.items() if not self.against or object_of(name) in self.against
+            ]
             if sum(shares) > self.at_most + 1e-9:
                 return True
         return False

@@ -1,13 +1,14 @@
 """A part that lies elsewhere, moved and turned about the middle of its box. Its ground truth is where it is seen and
 where it should be seen, together."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from analysis.sweep.defect import Defect, Placed
-from analysis.sweep.groups import of_object
+from analysis.sweep.pieces import names_of, pieces_of
+from analysis.sweep.pose import Pose
 from analysis.sweep.surface import Anchor
 from analysis.sweep.truth import alone, drawn_mask, mask_of
 from interchange.camera import Camera
@@ -28,12 +29,19 @@ class Misplacement(Defect):
     rz: float = parameter(0.0, "r_z", "mrad", -3600, 3600, "turned about the vertical")
 
     def on(self, scene: Scene, target: str, anchor: Anchor, label: str) -> Placed:
-        six = {n: getattr(self, n) for n in ("tx", "ty", "tz", "rx", "ry", "rz")}
-        after = of_object(target)["pose"].put(scene, six)
+        pose = Pose(self.tx, self.ty, self.tz, self.rx, self.ry, self.rz)
+        own = pieces_of(scene, [target])
+        middle = Scene(own).bounds.mean(axis=0)
+        moved = tuple(
+            replace(b, world_from_body=pose.in_world(b.world_from_body, middle)) if b in own else b
+            for b in scene.bodies
+        )
+        after = replace(scene, bodies=moved)
 
         def truth(live: Any, camera: Camera, image: Image) -> tuple[np.ndarray, np.ndarray]:
-            should = drawn_mask(live, scene, camera, [target])
-            both = alone(live, scene, camera, [target]) | alone(live, after, camera, [target])
-            return mask_of(image, [target]) | should, both
+            names = names_of(scene.object_names, target)
+            should = drawn_mask(live, scene, camera, names)
+            both = alone(live, scene, camera, names) | alone(live, after, camera, names)
+            return mask_of(image, names_of(image.object_names, target)) | should, both
 
         return Placed(after, truth)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from analysis.sweep.defect import Defect, Placed
+from analysis.sweep.pieces import names_of, object_of
 from analysis.sweep.surface import Anchor
 from analysis.sweep.truth import alone, drawn_mask
 from interchange.camera import Camera
@@ -18,9 +19,10 @@ class MissingPart(Defect):
     source = "Presence control, the plainest task of inspection: VDI/VDE/VDMA 2632-2."
 
     def on(self, scene: Scene, target: str, anchor: Anchor, label: str) -> Placed:
-        after = replace(scene, bodies=tuple(b for b in scene.bodies if b.name != target))
+        after = replace(scene, bodies=tuple(b for b in scene.bodies if object_of(b.name) != target))
 
         def truth(live: Any, camera: Camera, image: Image) -> tuple[np.ndarray, np.ndarray]:
-            return drawn_mask(live, scene, camera, [target]), alone(live, scene, camera, [target])
+            names = names_of(scene.object_names, target)
+            return drawn_mask(live, scene, camera, names), alone(live, scene, camera, names)
 
         return Placed(after, truth)
