@@ -38,7 +38,7 @@ def render_live(
     rasterizer = Rasterizer()
     total, done, made, began = len(cameras) * len(times), 0, [], time.monotonic()
     told(0, total, None)
-    for k, time_code in enumerate(times):
+    for time_code in times:
         scene = None
         for camera in cameras:
             out = name(camera.name, time_code)
@@ -49,7 +49,7 @@ def render_live(
                 told(done, total, None)
                 continue
             scene = scene or document.scene(time_code)
-            after = document.scene(following(times, k)) if "motion" in passes else None
+            after = document.scene(document.following(time_code)) if "motion" in passes else None
             now = scene.camera(camera.name)
             if width:
                 now = now.resized(width)
@@ -64,13 +64,6 @@ def render_live(
             spent = time.monotonic() - began
             told(done, total, spent / len(made) * (total - done))
     return made
-
-
-def following(times: Sequence[float], k: int) -> float:
-    """The time code after frame ``k``; the last frame takes the step before it."""
-    if k + 1 < len(times):
-        return times[k + 1]
-    return 2 * times[k] - times[k - 1] if len(times) > 1 else times[k]
 
 
 def is_finished(file: Path, key: str) -> bool:

@@ -178,18 +178,14 @@ def frame_jobs(
 ) -> list[FrameJob]:
     """A job for every camera and time code. ``name(camera, time)`` is the file that it is to write.
 
-    For pass ``motion`` each frame knows the one after it; the last one takes the step before.
+    For pass ``motion`` each job knows the scene's frame after its own, rendered or not.
     """
     from interchange.formats.document import open_scene
 
     document = open_scene(path, options)
     jobs = []
     for camera in cameras:
-        for k, time_code in enumerate(times):
-            if len(times) < 2:
-                following = time_code
-            else:
-                following = times[k + 1] if k + 1 < len(times) else 2 * time_code - times[k - 1]
+        for time_code in times:
             jobs.append(
                 FrameJob(
                     scene=os.path.abspath(path),
@@ -201,7 +197,7 @@ def frame_jobs(
                     passes=tuple(passes),
                     per_light=per_light,
                     width=width,
-                    next_time=following if {"motion", "all"} & set(passes) else None,
+                    next_time=document.following(time_code) if {"motion", "all"} & set(passes) else None,
                     options=options,
                 )
             )

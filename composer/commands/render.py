@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         raise BrightfieldError("Give --dn tiff beside --preview: both would be the frame's .png.")
     if as_dn and (args.dn or args.preview or args.per_light):
         raise BrightfieldError("A frame in DN stands alone; give --out FILE.exr for files beside it.")
-    if len(times) > 1 and args.dn and any(c.sensor.frame_rate for c in cameras):
+    if len(document.times) > 1 and (args.dn or as_dn) and any(c.sensor.frame_rate for c in cameras):
         args.passes = [*args.passes, "motion"]  # what moves is blurred, or slanted by a rolling shutter
         passes = check_passes(args.passes)
     if not one and args.out.suffix:

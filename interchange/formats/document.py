@@ -36,6 +36,13 @@ class Document:
 
         return frame_times(self.stage)
 
+    def following(self, time: float) -> float:
+        """The time code of the frame after ``time``, whichever frames are rendered; after the last, as far on as the
+        last but one is before."""
+        after = [t for t in self.times if t > time]
+        step = self.times[-1] - self.times[-2] if len(self.times) > 1 else 0.0
+        return after[0] if after else time + step
+
     def scene(self, time: float | None = None) -> Scene:
         """The scene at a time code; without one, at the first frame. Raises FileError with every problem."""
         wrong = errors(self.problems)

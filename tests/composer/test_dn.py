@@ -11,8 +11,10 @@ import pytest
 from composer.cli import main
 from interchange.brdf.lambert import Lambert
 from interchange.camera import Camera, Lens, Sensor
+from interchange.effects.line_scan import LineScan
+from interchange.effects.vignetting import Vignetting
 from interchange.exposure import expose
-from interchange.formats import gprims, images
+from interchange.formats import exr, gprims, images
 from interchange.formats.document import Document, open_scene
 from interchange.formats.usd_author import author_scene
 from interchange.frames import look_at
@@ -81,8 +83,8 @@ def test_frames_differ_by_their_noise_and_a_seed_repeats_them(usd, tmp_path):
     noise = (a - b).std() / np.sqrt(2)
     assert noise == pytest.approx(np.sqrt(SENSOR.K * (a.mean() - 64) + (SENSOR.K * 5) ** 2), rel=0.1)
     again = tmp_path / "again.png"
-    exr = min((tmp_path / "f").glob("*.exr"))
-    assert main(["expose", str(exr), "--out", str(again)]) == 0
+    first = min((tmp_path / "f").glob("*.exr"))
+    assert main(["expose", str(first), "--out", str(again)]) == 0
     assert np.array_equal(images.read(again), a)
 
 
@@ -162,3 +164,54 @@ def test_defocus_by_depth_is_what_the_renderer_draws():
     without = np.sqrt(np.mean((unblurred - want)[inner] ** 2)) / want[inner].mean()
     assert without > 0.15
     assert error < 0.04
+
+
+def test_an_effect_of_the_chain_is_an_option(usd, tmp_path, capsys):
+    """A line camera is no attribute of a camera: it is given by name, with its declared parameters."""
+    out, png = tmp_path / "x.exr", tmp_path / "x.png"
+    assert main(["render", str(usd), "--time", "0", "--out", str(out)]) == 0
+    words = ["expose", str(out), "--out", str(png), "--noise-free", "--effect"]
+    assert main([*words, "line_scan", "stretch=2", "open_share=0.5", "--effect", "vignetting", "a2=0"]) == 0
+    want = expose(exr.read(out), effects=(LineScan(2, 0.5), Vignetting())).pixels
+    assert np.array_equal(images.read(png), want)
+    for wrong, said in (
+        (["line_scn"], 'Did you mean "line_scan"?'),
+        (["line_scan", "strech=2"], 'Did you mean "stretch"?'),
+        (["line_scan", "stretch=two"], "must give stretch a number"),
+        (["line_scan", "stretch=0"], "must lie in"),
+    ):
+        assert main([*words, *wrong]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_one_frame_is_blurred_by_what_moves_to_the_scenes_next(tmp_path):
+    """Also where it alone or every other frame is rendered; the shutter is open for half of the time."""
+    camera = replace(CAMERA, sensor=replace(SENSOR, frame_rate=5.0), lens=Lens(16e-3))
+    steps = []
+    for k in range(3):
+        still = scene(camera)
+        pose = np.eye(4)
+        pose[0, 3] = 0.03 * k
+        steps.append(
+            replace(
+                still, time=float(k), bodies=(still.bodies[0], replace(still.bodies[1], world_from_body=pose))
+            )
+        )
+    Document(author_scene(steps[0], 0.001, steps[1:]), Path("memory")).save(tmp_path / "s.usda")
+    loaded = open_scene(tmp_path / "s.usda")
+    assert loaded.times == [0, 1, 2]
+    assert [loaded.following(t) for t in (0, 0.5, 1, 2)] == [1, 1, 2, 3]
+    now, then = loaded.scene(0), loaded.scene(1)
+    rendered = Rasterizer().render(now, now.camera(), ["motion"], samples=16, next_scene=then)
+    want = expose(rendered).pixels
+    assert np.abs(want - expose(replace(rendered, passes={})).pixels).max() > 100
+    path = str(tmp_path / "s.usda")
+    assert main(["render", path, "--time", "0", "--out", str(tmp_path / "a.png"), "--noise-free"]) == 0
+    assert (
+        main(
+            ["render", path, "--frames", "0:2:2", "--dn", "png", "--out", str(tmp_path / "f"), "--noise-free"]
+        )
+        == 0
+    )
+    for file in (tmp_path / "a.png", min((tmp_path / "f").glob("*.png"))):
+        assert np.abs(images.read(file) - want).max() <= 1  # EXR's floats, and one rounding
