@@ -78,7 +78,7 @@ class Sites:
         from interchange import plane_kernels, readout_kernels  # Numba comes with them
 
         height, width, channels = pixels.shape
-        g = self.glare.g if self.glare else 0.0
+        g = self.glare.share if self.glare else 0.0
         weights = self.weights if channels == 3 else self.weights.sum(axis=2, keepdims=True)
         here = np.zeros((2, 2, 3), np.float32)
         here[..., :channels] = (1 - g) * weights

@@ -23,6 +23,7 @@ NAMED = (
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
+PRODUCT, CROSS_STEP = "u v", 0.7  # px²; px, of the step that it is told by
 TYPICAL = 0.01  # rms of an effect over the signal, at which its sensitivity is taken
 
 
@@ -67,8 +68,35 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     t_exp=t_exp,
                 )
             )
+        if {t.parameter for t in found} >= {"u", "v"} and name == "motion_blur":
+            found.append(_across(next(t for t in found if t.parameter == "v"), model))
         terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
     return terms
+
+
+def _across(down: Term, model: type[Effect]) -> Term:
+    """The product of both ways of a motion, whose squares do not tell a path to the lower right from one to the lower
+    left: what the path with the other sign does less, the change of the squares taken out."""
+
+    def field(s: State) -> np.ndarray:
+        now = next((e for e in s.effects if type(e) is model), model.of(s.camera))
+        grown = s.camera.t_exp / down.t_exp
+        u, v, a = float(getattr(now, "u")), float(getattr(now, "v")), CROSS_STEP * grown  # noqa: B009
+        others = [e for e in s.effects if type(e) is not model]
+        ways = [s.dn([*others, replace(now, u=u + np.copysign(a, u), v=v + w)]) for w in (a, -a)]  # type: ignore[type-var]
+        own = down.field(s)
+        assert own is not None
+        both = s.take(ways[0] - ways[1]) - np.float32(4 * v * a / grown**2) * own
+        return np.asarray(both * np.float32(grown**2 / (2 * a * (u + np.copysign(a, u)))), np.float32)
+
+    return replace(down, parameter=PRODUCT, unit="px^2", power=1, low=-np.inf, field=field)
+
+
+def signed(values: dict[str, float]) -> dict[str, float]:
+    """Parameters of an effect as its file names them: the product of a motion's ways gives the second its sign."""
+    product = values.get(PRODUCT, 0.0)
+    out = {n: x for n, x in values.items() if n != PRODUCT}
+    return {**out, "v": -out["v"]} if product < 0 and "v" in out else out
 
 
 def _step(start: float, about: Parameter) -> float:
@@ -113,12 +141,13 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
         about = parameters(model)
         given = {}
         for term in terms:
-            if term.cause == name and term.parameter in values:
+            if term.cause == name and term.parameter in values and term.parameter != PRODUCT:
                 t = values[term.parameter]
                 start = float(getattr(own, term.parameter))
                 change = max(t, 0.0) ** 0.5 if term.power == 2 else t
                 value = start + change * term.grown(state)
                 limits = about[term.parameter]
                 given[term.parameter] = float(np.clip(value, limits.low, limits.high))
+        given = signed({**given, PRODUCT: values.get(PRODUCT, 0.0)})
         made.append(replace(own, **given))  # type: ignore[type-var]
     return made

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
+from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.corrected import Change, write_corrected
@@ -237,7 +238,7 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
             pair = (term.value(float(theta)), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
     return [
-        Change(name, target, {n: v for n, (v, _) in values.items()}, {n: v for n, (_, v) in values.items()})
+        Change(name, target, *(signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1)))
         for (name, target), values in found.items()
     ]
 
@@ -245,6 +246,9 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
 def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Finding]:
     sigma = uncertainty(fitted)
     everything = frozenset(attribution.players)
+    by = {
+        (*t.candidate, t.parameter): float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
+    }
     out = []
     for name in (n for n in attribution.players if n in CATALOGUED):
         own = list(attribution.players[name])
@@ -260,6 +264,10 @@ def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Findin
             width = float(sigma[i])
             if term.power == 2:
                 width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
+            if term.parameter == PRODUCT:
+                continue
+            if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
+                value = -value
             target = term.target.rsplit("/", 1)[-1]
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
         rivals = _rivals(fitted, own)

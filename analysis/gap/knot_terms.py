@@ -14,6 +14,7 @@ from analysis.gap.knots import MANY, SPOTS, Change, Knots
 from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
+from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes
 from interchange.captures import Tolerances
 from interchange.effects import Effect
@@ -36,7 +37,7 @@ SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's
 FLAT = 0.02  # thickness over length of what is printed on something, whose size is not its own
 STEP = 0.1  # of gloss
 OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
-RATIO = 0.2  # of anisotropy
+RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 OUTLINE = 0.3  # px that the step of an object's size moves its outline by
 
 Changed = Callable[[Rendered], Change]
@@ -92,6 +93,9 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> 
             terms.append(Term("gloss", name, parameter, "1", t.gloss, field, start=1.0))
         field = difference(_of(knots, Anisotropy(1 + RATIO)), RATIO, material=name, among=shiny)
         terms.append(Term("anisotropy", name, "ratio", "1", t.gloss, field, start=1.0))
+        if isinstance(materials[name].brdf, Lafortune):
+            field = difference(_of(knots, Anisotropy(split=SPLIT)), SPLIT, material=name, among=shiny)
+            terms.append(Term("anisotropy", name, "split", "1", t.gloss / 2, field))
     return terms
 
 
@@ -122,8 +126,9 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> li
         half_px = np.sqrt(seen[name] * pixels / (480 * 360)) / 2
         step = float(f"{min(OUTLINE / half_px, 0.1):.2g}")
         half_mm = 1e3 * float(boxes[name].max()) / 2
-        field = difference(_of(knots, Geometry(1 + step), name), step, name)
-        terms.append(Term("geometry", name, "scale", "1", t.object_pose_mm / half_mm, field, start=1.0))
+        for parameter in ("scale", "height"):
+            field = difference(_of(knots, Geometry(**{parameter: 1 + step}), name), step, name)
+            terms.append(Term("geometry", name, parameter, "1", t.object_pose_mm / half_mm, field, start=1.0))
     return terms
 
 

@@ -115,7 +115,7 @@ def _two_gaussians(image: Image, a: float, s: Shape) -> Image:
 
 
 def _smear(image: Image, a: float, s: Shape) -> Image:
-    """Motion that speeds up along a slightly bent path; a px from end to end."""
+    """Motion that speeds up along a slightly bent path; a px from end to end in 1 s."""
     t = np.linspace(-0.5, 0.5, 25)
     along = a * s["fine"] * (t + s["speed"] * (t * t - 1 / 12))
     across = 0.15 * a * s["fine"] * (t * t - 1 / 12)

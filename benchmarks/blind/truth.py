@@ -84,7 +84,10 @@ class _Pixels:
         self.kept: dict[object, tuple[np.ndarray, np.ndarray | float]] = {}
 
     def __call__(self, shot: Shot, lamp: Lamp | None) -> tuple[np.ndarray, np.ndarray | float]:
-        key = (shot.eye, shot.pose, lamp)
+        # a motion goes as far as the shutter is open
+        moving = shot.exposure if any(c.form == "smear" for c in self.causes) else 1.0
+        causes = [c.at(c.amplitude * moving) if c.form == "smear" else c for c in self.causes]
+        key = (shot.eye, shot.pose, lamp, moving)
         if key not in self.kept:
             s = self.setup
             eye = self.bench.eyes[shot.eye]
@@ -106,8 +109,8 @@ class _Pixels:
             if not any(c.form == "bounces" for c in self.causes):  # then once through the lens is enough
                 direct, bounced = direct + bounced, None
             self.kept[key] = (
-                through_lens(s, self.causes, gain * direct, shot.eye),
-                0.0 if bounced is None else through_lens(s, self.causes, gain * bounced, shot.eye),
+                through_lens(s, causes, gain * direct, shot.eye),
+                0.0 if bounced is None else through_lens(s, causes, gain * bounced, shot.eye),
             )
         return self.kept[key]
 

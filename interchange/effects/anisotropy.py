@@ -2,12 +2,15 @@
 
 Both widths change by the root of the ratio, so the lobe keeps its light. A model that has one width for both ways is
 given an elliptic lobe of Ward's in exchange for a round one:  f' = f + ρ (ward(α √q, α / √q) - ward(α, α)).
+
+A generalized cosine lobe may be anisotropic by its own weights:  C' = (Cx - split / 2, Cy + split / 2, Cz).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes
 from interchange.effects.base import Effect, Stage
 from interchange.effects.parts import with_materials
@@ -30,6 +33,7 @@ class Anisotropy(Effect):
     separated_by = "the same part turned by 90 degrees"
 
     ratio: float = parameter(1.0, "q", "1", 0.05, 20, "width of the lobes along over across the tangent")
+    split: float = parameter(0.0, "ΔC", "1", -1, 1, "of Lafortune's lobes: Cy less Cx, over what it was")
 
     def on_scene(self, scene: Scene, target: str = "") -> Scene:
         if not self.is_there:
@@ -41,6 +45,12 @@ class Anisotropy(Effect):
                 if target:
                     kind = type(material.brdf).__name__
                     raise BrightfieldError(f"Anisotropy needs a BRDF with lobes; {material.name} has {kind}.")
+                return material
+            if self.split and isinstance(material.brdf, Lafortune):
+                half = self.split / 2
+                lobes = tuple((float(c[0] - half), float(c[1] + half), float(c[2])) for c in material.brdf.C)
+                material = replace(material, brdf=replace(material.brdf, C=lobes))
+            if self.ratio == 1:
                 return material
             if any(along != across for along, across in material.brdf.width.values()):
                 return shone(material, root, 1 / root, 1.0)

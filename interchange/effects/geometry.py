@@ -1,6 +1,6 @@
 """An object is larger or smaller than the scene says; it still stands where it stood.
 
-X' = c + scale (X - c),    c the middle of its underside
+X' = c + scale diag(1, 1, height) (X - c),    c the middle of its underside, z upwards
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +23,7 @@ class Geometry(Effect):
     separated_by = "the same object from above and from the side, or a gauge block of known size beside it"
 
     scale: float = parameter(1.0, "s", "1", 0.01, 100, "size over the one that the scene gives")
+    height: float = parameter(1.0, "h", "1", 0.01, 100, "height over the one of that size")
 
     def on_scene(self, scene: Scene, target: str = "") -> Scene:
         if not self.is_there:
@@ -31,8 +32,8 @@ class Geometry(Effect):
         def change(body: Body) -> Body:
             low, high = bounds(scene, body.name)
             fixed = np.array([*(low[:2] + high[:2]) / 2, low[2]])
-            grown = np.diag([self.scale, self.scale, self.scale, 1.0])
-            grown[:3, 3] = (1 - self.scale) * fixed
+            grown = np.diag([self.scale, self.scale, self.scale * self.height, 1.0])
+            grown[:3, 3] = fixed - np.diag(grown)[:3] * fixed
             return replace(body, world_from_body=grown @ body.world_from_body)
 
         return with_bodies(scene, target, change)

@@ -1,6 +1,8 @@
 """Light that lens surfaces and barrel scatter over the image.
 
-E' = (1 - g) E + g mean(E),   the mean over the image, or over a Gaussian neighbourhood where ``radius`` is given
+E' = (1 - g - h) E + g mean(E) + h/4 Σ_k G_k * E,   G_k: Gaussians of ``reach`` times 1/2, 1, 2 and 4
+
+Together the Gaussians fall off about as a power of the distance, as measured scatter does.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +17,9 @@ from interchange.filtering import BORDER
 from interchange.image import Image
 from interchange.parameter import parameter
 
-COARSE = 8.0  # px rms that the neighbourhood has where it is computed
+COARSE = 4.0  # px rms that the narrowest Gaussian has where it is computed
+REACH = 0.05
+SCALES = (0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -30,37 +34,47 @@ class VeilingGlare(Effect):
     confused_with = ("black_level", "ambient_light", "interreflection")
     separated_by = "the same scene at a quarter of the exposure, and a capture with the lens covered"
     achromatic = True
-    carried_by = carried(g="lens.veiling_glare.0", radius="lens.veiling_glare.1")
+    carried_by = carried(g="lens.veiling_glare.0", halo="lens.veiling_glare.1", reach="lens.veiling_glare.2")
 
-    g: float = parameter(0.0, "g", "1", 0, 1, "share of the light that is scattered")
-    radius: float = parameter(
-        0.0, "σ_g", "1", 0, 1, "how far, rms, over the image's diagonal; 0 is everywhere alike"
-    )
+    g: float = parameter(0.0, "g", "1", 0, 1, "share of the light that is scattered everywhere alike")
+    halo: float = parameter(0.0, "h", "1", 0, 1, "share of the light that is scattered around where it fell")
+    reach: float = parameter(0.0, "σ_h", "1", 0, 1, "how far, rms, over the image's diagonal; 0 is 0.05")
+
+    @property
+    def share(self) -> float:
+        """Of the light, that does not arrive where it should."""
+        return self.g + self.halo
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         E = np.ascontiguousarray(image.pixels)
         h, w, channels = E.shape
-        if not self.radius:
+        if not self.halo:
             mean = np.array(cv2.mean(E)[:channels], np.float32)
-            return replace(image, pixels=_mixed(E, np.tile(mean, w)[None], self.g))
+            return replace(image, pixels=_mixed(E, np.tile(mean, w)[None], self.share))
         cells = self.cells(h, w)
         coarse = cv2.resize(E, cells[::-1], interpolation=cv2.INTER_AREA).reshape(*cells, channels)
         spread = cv2.resize(self.spread(coarse, h, w), (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, -1)
-        return replace(image, pixels=_mixed(E, spread, self.g))
+        return replace(image, pixels=_mixed(E, spread, self.share))
 
     def cells(self, height: int, width: int) -> tuple[int, int]:
-        """Rows and columns of the coarse image that the neighbourhood is computed on."""
-        if not self.radius:
+        """Rows and columns of the coarse image that the scattered light is computed on."""
+        if not self.halo:
             return 1, 1
-        step = max(1.0, self.radius * float(np.hypot(height, width)) / COARSE)
+        step = max(1.0, SCALES[0] * (self.reach or REACH) * float(np.hypot(height, width)) / COARSE)
         return max(1, round(height / step)), max(1, round(width / step))
 
     def spread(self, coarse: np.ndarray, height: int, width: int) -> np.ndarray:
-        """The veil of a coarse image (h, w, C), itself as coarse."""
-        if not self.radius:
+        """The scattered light over its share, of a coarse image (h, w, C), itself as coarse."""
+        if not self.halo:
             return coarse
-        sigma = self.radius * float(np.hypot(height, width)) * coarse.shape[1] / width
-        return np.asarray(cv2.GaussianBlur(coarse, (0, 0), sigma, borderType=BORDER)).reshape(coarse.shape)
+        veil = np.full(coarse.shape, self.g / self.share, np.float32) * coarse.mean(
+            axis=(0, 1), dtype=np.float32
+        )
+        for scale in SCALES:
+            sigma = scale * (self.reach or REACH) * float(np.hypot(height, width)) * coarse.shape[1] / width
+            blurred = cv2.GaussianBlur(coarse, (0, 0), sigma, borderType=BORDER).reshape(coarse.shape)
+            veil += np.float32(self.halo / len(SCALES) / self.share) * blurred
+        return np.asarray(veil)
 
 
 def _mixed(E: np.ndarray, veil: np.ndarray, g: float) -> np.ndarray:

@@ -25,6 +25,7 @@ from interchange.effects.anisotropy import Anisotropy
 from interchange.effects.base import Effect
 from interchange.effects.geometry import Geometry
 from interchange.effects.gloss import Gloss
+from interchange.effects.light_position import LightPosition
 from interchange.effects.light_size import LightSize
 from interchange.effects.light_spectrum import LightSpectrum
 from interchange.effects.parts import bounds
@@ -69,9 +70,7 @@ def rasterizer() -> Iterator[Rasterizer]:
 def found(folder: Path, rasterizer: Rasterizer) -> list[Condition]:
     """Two lamps of the bench's six."""
 
-    def render(
-        scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
-    ) -> Image:
+    def render(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int) -> Image:
         return rasterizer.render(scene, camera, passes, per_light, max(SPOTS // parts, 1))
 
     bare = conditions(captures_file.read(folder / "captures.json"), open_scene(folder / "scene.usda"))
@@ -108,7 +107,9 @@ CASES = [
     (("gloss", METAL, "width"), Gloss(width=1.05), 0.05, 0.15),
     (("gloss", METAL, "level"), Gloss(level=1.05), 0.05, 0.01),
     (("anisotropy", METAL, "ratio"), Anisotropy(1.1), 0.1, 0.08),
+    (("anisotropy", METAL, "split"), Anisotropy(split=0.01), 0.01, 0.05),
     (("geometry", BRACKET, "scale"), Geometry(1.02), 0.02, 0.5),
+    (("geometry", BRACKET, "height"), Geometry(height=1.02), 0.02, 0.5),
     (("shadow", "", "share"), Shadow(0.3), 0.3, 0.01),
     (("shadow", LED, "share"), Shadow(0.3), 0.3, 0.01),
 ]
@@ -116,14 +117,14 @@ CASES = [
 
 @pytest.mark.parametrize(("key", "effect", "theta", "miss"), CASES, ids=lambda x: str(x)[:40])
 def test_a_term_predicts_a_new_rendering(key, effect, theta, miss, found, terms, rasterizer) -> None:
-    """In amount within 12 %, and pixel by pixel within ``miss`` of the change's rms. Steps differ: of a gloss half of
+    """In amount within 15 %, and pixel by pixel within ``miss`` of the change's rms. Steps differ: of a gloss half of
     their difference is left; penumbrae and outlines move by parts of a pixel."""
     state = State(found[1])
     real = _real(found[1], rasterizer, effect, key[1], 2 * (MANY if key[0] == "light_size" else SPOTS))
     said = theta * np.asarray(terms[key].field(state))
     assert np.abs(real).max() > 1
     assert np.sqrt(np.mean((said - real) ** 2)) < miss * np.sqrt(np.mean(real**2))
-    assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.12)
+    assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.15)
 
 
 def test_a_lamp_that_is_off_shows_nothing(
@@ -240,3 +241,27 @@ def test_terms_are_parameters_of_their_effects_files(found: list[Condition], kno
         about = parameters(MODELS[term.cause])[term.parameter]
         assert term.unit == about.unit or term.cause == "rolling_shutter"
         assert term.start == getattr(MODELS[term.cause](), term.parameter)
+
+
+@pytest.mark.parametrize("axis", ["x", "z"])
+def test_a_lamps_place_moves_its_shadows_too(found, knots, rasterizer, axis) -> None:
+    """Steps differ, and edges move by parts of a pixel; shading alone leaves three quarters and more of the change."""
+    effect = LightPosition(**{axis: 1.0})
+    real = _real(found[1], rasterizer, effect, LED, 2 * MANY)
+    state = State(found[1])
+    by_drawing, by_shading = (
+        next(t for t in light_terms(found, Tolerances(), k) if t.key == ("light_position", LED, axis)).field(
+            state
+        )
+        for k in (knots, None)
+    )
+    missed = [np.sqrt(np.mean((d - real) ** 2) / np.mean(real**2)) for d in (by_drawing, by_shading)]
+    assert missed[0] < 0.5
+    assert missed[0] < 0.8 * missed[1]
+
+
+def test_what_stands_off_ends_its_shadows_sooner(found, terms) -> None:
+    """Light is added, and nearly none taken; nothing changes but where shadows end."""
+    added = terms[NUISANCE, "", "standing off"].field(State(found[1]))
+    assert np.maximum(added, 0).sum() > 3 * np.maximum(-added, 0).sum()
+    assert (np.abs(added).max(axis=2) > 1).mean() < 0.1

@@ -1,0 +1,79 @@
+"""Terms of the image chain whose formulas take more than one number for one cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.chain_terms import PRODUCT, chain_terms, effects_at, signed
+from analysis.gap.conditions import Condition
+from analysis.gap.radiance import Rendered
+from analysis.gap.state import State
+from analysis.gap.terms import Term
+from interchange.camera import Camera, Sensor
+from interchange.captures import Capture, Tolerances
+from interchange.effects.motion_blur import MotionBlur
+from interchange.effects.veiling_glare import VeilingGlare
+from interchange.light import Light, LightKind
+from interchange.scene import Scene
+
+LAMP, SIZE = "/lamp", (96, 72)
+SENSOR = Sensor(
+    SIZE, (3e-6, 3e-6), responsivity=4000, full_well=10000, bit_depth=12, black_level=64, mosaic="mono"
+)
+
+
+@pytest.fixture(scope="module")
+def condition() -> Condition:
+    """Edges of every direction, some blurred."""
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]].astype(float)
+    rings = np.clip(0.5 + np.hypot(x - 40, y - 30) % 12 - 6, 0, 1)
+    corner = np.clip(0.5 + x - 60, 0, 1) * np.clip(0.5 + y - 40, 0, 1)
+    L = np.repeat((0.3 + 0.5 * rings + 0.6 * corner)[..., None], 3, axis=2).astype(np.float32)
+    camera = Camera("/eye", sensor=SENSOR, t_exp=1.0)
+    scene = Scene(lights=(Light(LAMP, LightKind.SPHERE, (1.0, 1.0, 1.0)),))
+    nothing = np.zeros_like(L)
+    shown = Rendered(scene, camera, {LAMP: L}, {LAMP: np.ones(3)}, nothing, nothing, {}, {})
+    pixels = np.zeros((SIZE[1], SIZE[0], 1), np.float32)
+    captures = (Capture("a.png", "/eye", 0, 1.0, pixels, bits=16),)
+    bare = Condition(captures, scene, camera, pixels, None, np.ones(pixels.shape[:2], bool))
+    return replace(bare, rendered=shown)
+
+
+def fitted(
+    terms: list[Term], condition: Condition, truth: object, at: dict[tuple[str, str, str], float]
+) -> dict[str, float]:
+    """Least squares around ``at``, by name of the parameter, without noise."""
+    stands = State(condition, effects_at(terms, at, State(condition)))
+    want = State(condition).dn([truth]) - stands.simulation.dn
+    X = np.stack([np.asarray(t.field(stands)).ravel() for t in terms])
+    found, *_ = np.linalg.lstsq(X.T, want.ravel(), rcond=None)
+    return {t.parameter: at.get(t.key, 0.0) + float(x) for t, x in zip(terms, found, strict=True)}
+
+
+@pytest.mark.parametrize("path", [(0.9, 0.7), (0.9, -0.7), (1.4, -0.3), (0.0, 1.2)])
+def test_a_motion_is_told_with_its_direction(condition: Condition, path: tuple[float, float]) -> None:
+    """Within 3 % of its length: fourth moments of the path are another formula's."""
+    terms = [t for t in chain_terms(State(condition), Tolerances()) if t.cause == "motion_blur"]
+    assert [t.parameter for t in terms] == ["u", "v", PRODUCT]
+    at: dict[tuple[str, str, str], float] = {}
+    for _ in range(4):
+        theta = fitted(terms, condition, MotionBlur(*path), at)
+        at = {t.key: max(theta[t.parameter], t.low) for t in terms}
+    (found,) = effects_at(terms, at, State(condition))
+    got = np.array([found.u, found.v])
+    missed = min(np.abs(sign * got - path).max() for sign in (1, -1))  # forth and back is one blur
+    assert missed < 0.03 * np.hypot(*path)
+
+
+def test_a_product_gives_the_second_way_its_sign() -> None:
+    assert signed({"u": 1.0, "v": 2.0, PRODUCT: -1.5}) == {"u": 1.0, "v": -2.0}
+    assert signed({"u": 1.0, "v": 2.0, PRODUCT: 1.5}) == {"u": 1.0, "v": 2.0}
+    assert signed({"g": 1.0}) == {"g": 1.0}
+
+
+def test_glare_is_told_by_what_goes_far_and_what_stays_near(condition: Condition) -> None:
+    terms = [t for t in chain_terms(State(condition), Tolerances()) if t.cause == "veiling_glare"]
+    assert [t.parameter for t in terms] == ["g", "halo"]
+    theta = fitted(terms, condition, VeilingGlare(0.02, 0.03), {})
+    assert theta == pytest.approx({"g": 0.02, "halo": 0.03}, rel=1e-3)
