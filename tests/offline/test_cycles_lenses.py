@@ -107,3 +107,27 @@ def test_a_fisheye_of_180_degrees_is_refused(cycles, build):
     scene = Scene((Body("/plane", build.plane(6.0), Material("n")),))
     with pytest.raises(BrightfieldError, match="less than 180°"):
         cycles.render(scene, wide, CyclesSettings(samples=1, max_bounces=0))
+
+
+@pytest.mark.parametrize("distortion", [(), (-0.1, 0.02)], ids=["native", "through the wide image"])
+@pytest.mark.parametrize("distance", [0.7, 1.0, 1.6])
+def test_thin_lens(cycles, build, distortion, distance):
+    """An edge 0.7, 1 and 1.6 m away, focus at 1 m: a disc of D = f² / N · |1/z - 1/s| / pitch px spreads it to
+    D / 4 rms about where the pinhole shows it (no breathing)."""
+    lens = Lens(0.016, f_stop=1.4, focus_distance=1.0, distortion=distortion)
+    c = Camera("c", look_at(np.array([0, 0, distance]), np.zeros(3), up=(0, 1, 0)), lens,
+               Sensor((80, 24), (1.5e-5, 1.5e-5)))  # fmt: skip
+    half = Body("/half", build.plane(1.0), Material("glow", emission=(1, 1, 1)), build.at(1.0 + 0.3e-3, 0, 0))
+    image = cycles.render(Scene((half,)), c, CyclesSettings(samples=256, max_bounces=0)).pixels[..., 0]
+    line = np.diff(image.mean(axis=0))
+    place = np.arange(79) + 0.5
+    middle = (line * place).sum() / line.sum()
+    spread = np.sqrt((line * (place - middle) ** 2).sum() / line.sum())
+    D = 0.016**2 / 1.4 * abs(1 / distance - 1) / 1.5e-5
+    assert middle == pytest.approx(c.project(np.array([[0.3e-3, 0, 0]]))[0, 0], abs=0.02)
+    if D:
+        assert spread == pytest.approx(
+            np.sqrt((D / 4) ** 2 + 1 / 6), rel=0.015
+        )  # a square, and the difference
+    else:
+        assert spread <= 0.5  # within a pixel, wherever in it
