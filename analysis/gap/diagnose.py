@@ -14,6 +14,7 @@ from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.corrected import Change, write_corrected
+from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import STAGES, Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
 from analysis.gap.fit import Fit, Model, fit, uncertainty
@@ -148,6 +149,7 @@ def diagnose(
         edges=_edges(held, by, shown),
         metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
         verification=check,
+        smallest=detectable(fitted.evidence),
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 

@@ -7,6 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from analysis.gap.detectable import Detectable
 from analysis.gap.edges import EdgeOffsets
 from analysis.gap.ledger import Ledger
 from analysis.gap.metric import Metric
@@ -68,7 +71,8 @@ class Diagnosis:
     """``unknown``: the generic families that the evidence asks for, in words, with their probabilities.
 
     ``notes``: what limits the diagnosis, one sentence each. ``waterfall``: mean χ² from the scene file as written down
-    to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured.
+    to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured. ``smallest``: of each
+    effect, what would have been found.
     """
 
     effects: tuple[Finding, ...]
@@ -82,6 +86,7 @@ class Diagnosis:
     edges: Edges | None = None
     metric: Metric | None = None
     verification: Verification | None = None
+    smallest: tuple[Detectable, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -92,7 +97,7 @@ class Diagnosis:
 def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
-    ``notes``."""
+    ``smallest`` (rms over the signal that an effect would be found from; null: never), ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -136,6 +141,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
         "edges": _edges(d.edges) if d.edges else None,
         "metric": _metric(d.metric) if d.metric else None,
         "verified": {**asdict(d.verification), "holds": d.verification.holds} if d.verification else None,
+        "smallest": {x.cause[0]: x.severity if np.isfinite(x.severity) else None for x in d.smallest},
         "notes": list(d.notes),
     }
 

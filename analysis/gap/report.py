@@ -63,6 +63,7 @@ def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
         if d.where.measured
         else "from the sensor's model; there are no repeats",
         rivals=_ranking(found),
+        smallest=_smallest(d),
         tolerances=_tolerances(captures),
         notes="".join(f"<li>{html.escape(n)}</li>" for n in d.notes),
         seconds=f"{d.seconds:.0f}",
@@ -240,6 +241,17 @@ def _ranking(found: Diagnosed) -> str:
         )
         rows.append(f"<tr><td>{html.escape(words)}</td><td class=n>{h.score - best.score:+.1f}</td></tr>")
     return f"<table><tr><th>explanation</th><th class=n>log odds to the best</th></tr>{''.join(rows)}</table>"
+
+
+def _smallest(d: Diagnosis) -> str:
+    rows = []
+    for x in d.smallest:
+        at = f"{100 * x.severity:.2g} %" if np.isfinite(x.severity) else "never"
+        where = x.cause[1].rsplit("/", 1)[-1]
+        rows.append(
+            f"<tr><td>{html.escape(plain(x.cause[0]))}</td><td class=n>{at}</td><td>{html.escape(where)}</td></tr>"
+        )
+    return f"<table><tr><th>effect</th><th class=n>from</th><th>easiest at</th></tr>{''.join(rows)}</table>"
 
 
 def _tolerances(captures: Captures) -> str:

@@ -1,0 +1,47 @@
+"""The smallest severity that shows is where the evidence says so, and no smaller one is found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.detectable import SURE, _seen, detectable
+from analysis.gap.evidence import SLABS, Evidence
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.terms import Term
+
+
+def evidence(n: int = 900) -> Evidence:
+    """A signal of 1 seen with σ 0.05; two effects unlike each other, and one that is nowhere in the image."""
+    rng = np.random.default_rng(1)
+    X = np.stack([np.linspace(-1, 1, n), rng.standard_normal(n), np.zeros(n)]) / 0.05
+    terms = [
+        Term(name, "", "p", "1", 0.002, lambda s: None) for name in ("vignetting", "texture", "anisotropy")
+    ]
+    return Evidence(NormalEquations(X @ X.T, np.zeros(3), 0.0, n / 0.05**2, 0.0, n), terms)
+
+
+def probability(e: Evidence, cause: str) -> float:
+    none = e.at((), ()).score
+    one = max(e.at(((cause, ""),), (s,)).score for s in SLABS)
+    return 1 / (1 + np.exp(none - one))
+
+
+@pytest.mark.parametrize("name", ["vignetting", "texture"])
+def test_what_is_told_is_where_the_probability_is_reached(name: str) -> None:
+    e = evidence()
+    k = [t.cause for t in e.terms].index(name)
+    told = next(d for d in detectable(e) if d.cause[0] == name)
+    for factor, sure in ((0.99, False), (1.01, True)):
+        size = factor * told.severity / e.share[k]
+        assert bool(probability(_seen(e, e.e.G[:, k] * size), name) > SURE) == sure
+
+
+def test_what_is_not_in_the_image_is_not_told() -> None:
+    assert {d.cause[0] for d in detectable(evidence())} == {"vignetting", "texture"}
+
+
+def test_a_wider_tolerance_hides_more() -> None:
+    e = evidence()
+    wide = Evidence(e.e, [replace(t, spike=5 * t.spike) for t in e.terms])
+    assert detectable(wide)[0].severity > 2 * detectable(e)[0].severity
