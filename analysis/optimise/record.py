@@ -43,9 +43,14 @@ def write(
 def write_scene(path: Path, done: Optimised, document: Document) -> list[Problem]:
     """The winner as a scene: the file that was read, with what the set-up changes."""
     from interchange.formats.usd_changes import Frame, author_changes
+    from interchange.formats.usd_edit_values import set_camera
 
     stage = document.stage
-    lost = author_changes(stage, [Frame(document.times[0], done.base, done.scene)])
+    new = done.scene
+    lost = author_changes(stage, [Frame(document.times[0], done.base, new)])
+    for before, after in zip(done.base.cameras, new.cameras, strict=True):
+        if before is not after:
+            set_camera(stage, before, after, None)  # the exposure time, which a correction of a scene leaves
     document.save(path)
     if not stage.GetRootLayer().anonymous:
         stage.Reload()  # the file that was read stays what it is, in memory too
