@@ -3,12 +3,12 @@
 import sys
 
 
-def progress_line(done: int, total: int, left: float | None, failed: int = 0) -> None:
+def progress_line(done: int, total: int, left: float | None, failed: int = 0, what: str = "frames") -> None:
     """One line that is rewritten on a terminal, and a line a frame elsewhere."""
     if total < 2:
         return
     rest = "" if left is None else f", {duration(left)} left"
-    text = f"{done}/{total} frames{f', {failed} failed' if failed else ''}{rest}"
+    text = f"{done}/{total} {what}{f', {failed} failed' if failed else ''}{rest}"
     if sys.stderr.isatty():
         print(f"\r{text:60}", end="\n" if done + failed >= total else "", file=sys.stderr, flush=True)
     else:

@@ -25,8 +25,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from analysis.sweep.design import design
     from analysis.sweep.plan_file import read
-    from analysis.sweep.run import design, sweep
+    from analysis.sweep.run import sweep
     from composer.contact_sheet import write_contact_sheet
     from interchange.formats import parquet
 
@@ -48,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
         args.scheduler,
         args.workers,
         lambda p: progress_line(p.done, p.total, p.left, p.failed),
+        _drawing if plan.constraints or plan.defects else lambda kept, count: None,
     )
     rows, _ = parquet.read(out / "manifest.parquet")
     if rows and "file.image" in rows[0]:
@@ -63,6 +65,11 @@ def run(args: argparse.Namespace) -> int:
         others = f" and {count - 1} others" if count > 1 else ""
         print(f"brightfield: {file}{others}: {reason}", file=sys.stderr)
     return 2 if done.failed else 0
+
+
+def _drawing(kept: int, count: int) -> None:
+    if sys.stderr.isatty() or kept == count:
+        progress_line(kept, count, None, what="samples")
 
 
 def _told(rejected: dict[str, int], drawn: int) -> None:

@@ -16,10 +16,11 @@ from pycocotools import mask as coco_masks
 from pycocotools.coco import COCO
 
 from analysis.sweep.datasets import write_datasets
+from analysis.sweep.design import design
 from analysis.sweep.job import is_done, read_record, work
 from analysis.sweep.placing import scene_of
 from analysis.sweep.plan_file import read
-from analysis.sweep.run import design, jobs_of
+from analysis.sweep.run import jobs_of
 from interchange.formats import exr
 from interchange.formats.document import open_scene
 from interchange.formats.rle import decode, encode
@@ -44,6 +45,7 @@ defects:
     on: Plate
     present: {{values: [0, 1], shares: [0.5, 0.5], nature: [0.9, 0.1]}}
     x: {{range: [-12, 0], unit: mm}}
+    y: {{samples: {{0: -8, 5: 8}}, unit: mm}}
     radius: {{value: 3, unit: mm}}
   - {{kind: missing_part, on: Plug, present: {{values: [0, 1], shares: [0.5, 0.5]}}}}
 """
@@ -122,6 +124,18 @@ def test_pycocotools_reads_masks_boxes_and_categories(made):
             ]
             np.testing.assert_array_equal(mask, np.isin(ids, fits))
     assert seen == set(names.values())
+
+
+def test_a_defect_that_moves_is_seen_where_it_is_at_each_time(made):
+    """16 mm on the plate, which lies 0.196 m under a lens of 16 mm; its pixels are 30 µm · 160 / 96 wide."""
+    plan, _, _, out = made
+    table = pandas.read_parquet(out / "manifest.parquet")
+    there = table[table["defects.stain[0].present"] == 1]
+    for _, pair in there.groupby("sample"):
+        assert list(pair["defects.stain[0].y"]) == [-8, 8]
+        (x0, y0), (x1, y1) = (np.array(b[:2]) + np.array(b[2:]) / 2 for b in pair["box.defects.stain[0]"])
+        assert np.hypot(x1 - x0, y1 - y0) == pytest.approx(16e-3 / 0.196 * 16e-3 / 50e-6, abs=1.5)
+    assert plan.moving
 
 
 def test_run_lengths_are_cocos_own(made):
