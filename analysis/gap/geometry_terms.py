@@ -6,6 +6,7 @@ Brown's model.
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
@@ -16,6 +17,7 @@ from interchange.captures import Tolerances
 from interchange.effects.parts import bounds
 
 MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
+LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
 
@@ -165,13 +167,21 @@ def _spin(name: str) -> Flow:
     return flow
 
 
+def _outline(mask: np.ndarray) -> int:
+    """Pixels where an object ends within the image: where it does not, only its shading could be seen to move, and that
+    is the lamps'."""
+    inside = cv2.erode(mask.astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_REPLICATE)
+    return int(mask.sum()) - int(inside.sum())
+
+
 def _objects(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     counts: dict[str, int] = {}
     for condition in conditions:
         ids = condition.shown.passes["object_id"]
         names = condition.shown.scene.object_names
         for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            counts[names[k]] = max(counts.get(names[k], 0), int(n))
+            if _outline(ids == k) >= LEAST_OUTLINE:
+                counts[names[k]] = max(counts.get(names[k], 0), int(n))
     terms = []
     for name in [n for n, count in counts.items() if count >= LEAST_PIXELS]:
         for axis in range(3):

@@ -15,6 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from interchange.camera import Camera
@@ -203,7 +204,7 @@ def _arrays(scene: Scene, camera: Camera, render: Render, indirect: bool) -> dic
 def _means(plane: np.ndarray, n: int) -> np.ndarray:
     """(H, W, 3) float32 of (n H, n W, 3)."""
     h, w = plane.shape[0] // n, plane.shape[1] // n
-    return np.asarray(plane.reshape(h, n, w, n, 3).mean(axis=(1, 3), dtype=np.float32))
+    return np.asarray(cv2.resize(plane.astype(np.float32, copy=False), (w, h), interpolation=cv2.INTER_AREA))
 
 
 def pixels(fine: np.ndarray, scale: float, camera: Camera) -> np.ndarray:

@@ -170,7 +170,11 @@ def test_strata_add_up_and_an_order_says_nothing():
             assert p.scene in seen
     singles = [p.effects[0] for p in found if p.stratum == "single"]
     assert {n for n, _ in singles} == set(proposals.SEEN)
-    assert {s for _, s in singles} == set(strata.SEVERITIES)
+    for stronger, causes in (
+        (1.0, set(proposals.SEEN) - set(strata.MOVES)),
+        (strata.STRONGER, set(strata.MOVES)),
+    ):
+        assert {s for n, s in singles if n in causes} == {stronger * s for s in strata.SEVERITIES}
 
 
 @pytest.mark.parametrize("name", SCENES)
