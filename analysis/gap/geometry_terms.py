@@ -5,6 +5,7 @@ Brown's model.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from interchange.captures import Tolerances
 from interchange.effects.parts import bounds
 
 MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
+STEEP, EDGES = 0.05, 1e-3  # of the light a px; share of the image
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
@@ -37,7 +39,19 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
             terms.append(moving("principal_point", name, parameter, "px", tolerances.registration_px, flow))
     terms += _lens(conditions[0], tolerances.registration_px)
     terms += _read_out(conditions, tolerances.registration_px)
+    if not any(has_edges(c) for c in conditions):
+        terms = [replace(t, cause=NUISANCE) for t in terms]
     return terms + _objects(conditions, tolerances)
+
+
+def has_edges(condition: Condition) -> bool:
+    """Whether anything in the image tells a motion: where light varies smoothly, a motion by many pixels would look
+    as any uneven lamp does."""
+    model = condition.simulated()
+    signal = np.ascontiguousarray(np.maximum(model.dn - model.black, 0).mean(axis=2), np.float32)
+    dy, dx = np.gradient(signal)
+    around = cv2.blur(signal, (3, 3))
+    return bool((np.hypot(dx, dy) > STEEP * around + 1e-9).mean() > EDGES)
 
 
 def stand(condition: Condition) -> str:
