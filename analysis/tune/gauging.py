@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from scipy.ndimage import correlate1d
 
 STEP = 0.25  # px between samples of a profile
 
@@ -39,7 +40,7 @@ def edge_places(
     s = np.arange(-np.ceil(4 * sigma / STEP), np.ceil(4 * sigma / STEP) + 1) * STEP
     kernel = s / sigma**2 * np.exp(-0.5 * (s / sigma) ** 2)
     kernel /= np.sum(s * kernel)  # a ramp of one grey level a px gives 1
-    slope = np.abs(np.stack([np.convolve(row, kernel[::-1], "same") for row in profile]))
+    slope = np.abs(correlate1d(profile, kernel, axis=1, mode="nearest"))
     slope[~(np.abs(t) <= reach)[None].repeat(len(slope), 0)] = -1
     slope = np.nan_to_num(slope, nan=-1)
     best = np.argmax(slope, axis=1)

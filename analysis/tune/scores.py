@@ -3,7 +3,7 @@
 Edges: the two measures of the chapter (edge pixels inside the regions of interest; their distance from the straight
 line that linear regression gives), distance from the projected CAD edges, precision and recall. Gauges and template
 matches: error of place and size, and how often a good feature is rejected. Blobs: whether the right regions were hit.
-Where nothing is found, distances are the largest that could have been found.
+Where nothing is found, a distance is half the width of the region of interest.
 """
 
 from collections.abc import Mapping
@@ -198,7 +198,7 @@ def gauge_scores(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, 
     """Each feature is gauged from a place that is ``rules.placement`` px rms off in each direction, as a part is never
     quite where the gauge was taught; the offsets depend on the frame's and the feature's names alone."""
     place, size, rejected = [], [], []
-    worst = float(getattr(algorithm, "reach", 8.0))
+    worst = rules.roi  # not the algorithm's own reach, which a search would then make small
     for name, true in _features(algorithm, frame).items():
         rng = np.random.default_rng([rules.seed, *f"{frame.name}/{name}".encode()])
         off = rules.placement * rng.standard_normal(2)
