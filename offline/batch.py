@@ -7,6 +7,7 @@ off goes on where it stopped.
 
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, Self, TypeVar
@@ -64,6 +65,7 @@ def run(
     progress: Callable[[Progress], None] = lambda p: None,
     work: Callable[[J], float] = work,  # type: ignore[assignment]  # the jobs' own
     is_done: Callable[[J], bool] = is_done,  # type: ignore[assignment]
+    together: int = 1,
 ) -> Report:
     """Render what is not finished yet.
 
@@ -71,7 +73,8 @@ def run(
     cluster of ``workers`` processes here (0: one for every four processor threads), which share the threads.
     Frames that fail are in the report with their reason; the others go on. After Ctrl-C the finished frames stay.
     ``work`` makes a job's file in a worker process and returns the seconds it took; ``is_done`` says whether the file
-    is there, of this very job.
+    is there, of this very job. ``together``: frames that are handed out at once, for those that take milliseconds;
+    where a worker dies under them, each is tried alone.
     """
     began = time.monotonic()
     outs = [job.out for job in jobs]
@@ -92,7 +95,7 @@ def run(
 
     tell()
     if todo:
-        for job, result in _results(todo, scheduler, workers, work):
+        for job, result in _results(todo, scheduler, workers, work, together):
             if isinstance(result, float):
                 done.append(job.out)
                 spent += result
@@ -102,8 +105,21 @@ def run(
     return Report(tuple(done), tuple(sorted(finished)), tuple(failed), time.monotonic() - began, spent)
 
 
+def _each(work: Callable[[J], float], jobs: Sequence[J]) -> list[float | str]:
+    """Seconds or reason of every job, in a worker."""
+    found: list[float | str] = []
+    for job in jobs:
+        try:
+            found.append(float(work(job)))
+        except BrightfieldError as error:
+            found.append(str(error))
+        except Exception as error:  # a frame's own: told with it, the others go on
+            found.append(f"{type(error).__name__}: {error}")
+    return found
+
+
 def _results(
-    jobs: Sequence[J], scheduler: str | None, workers: int, work: Callable[[J], float]
+    jobs: Sequence[J], scheduler: str | None, workers: int, work: Callable[[J], float], together: int
 ) -> Iterator[tuple[J, float | str]]:
     """(job, seconds or reason) as they come, in no order."""
     import dask
@@ -130,31 +146,32 @@ def _results(
             jobs = [job.with_threads(threads) for job in jobs]
         try:
             with Client(cluster or scheduler, timeout=5) as client:
-                waiting = iter(jobs)
-                handed: dict[Any, J] = {}
+                waiting = deque(jobs[k : k + together] for k in range(0, len(jobs), together))
+                handed: dict[Any, Sequence[J]] = {}
 
                 def hand() -> Any:
-                    job = next(waiting, None)
-                    if job is None:
+                    if not waiting:
                         return None
-                    future = client.submit(work, job, key=f"frame-{job.key}-{job.out}", pure=False)
-                    handed[future.key] = job
+                    some = waiting.popleft()
+                    name = f"frames-{len(some)}-{some[0].key}-{some[0].out}"
+                    future = client.submit(_each, work, some, key=name, pure=False)
+                    handed[future.key] = some
                     return future
 
                 ahead = WINDOW * max(count, len(client.scheduler_info()["workers"]))
                 first = [future for future in (hand() for _ in range(ahead)) if future is not None]
                 queue = as_completed(first)
                 for future in queue:
-                    job = handed.pop(future.key)
+                    some = handed.pop(future.key)
                     error = future.exception() if future.status == "error" else None
                     if future.status == "finished":
-                        yield job, float(future.result())
+                        yield from zip(some, future.result(), strict=True)
+                    elif len(some) > 1:
+                        waiting.extend([job] for job in some)
                     elif isinstance(error, library.KilledWorker):
-                        yield job, f"its worker died {TRIES} times"
-                    elif isinstance(error, BrightfieldError):
-                        yield job, str(error)
+                        yield some[0], f"its worker died {TRIES} times"
                     else:
-                        yield job, f"{type(error).__name__}: {error}"
+                        yield some[0], f"{type(error).__name__}: {error}"
                     following = hand()
                     if following is not None:
                         queue.add(following)

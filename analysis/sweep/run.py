@@ -18,6 +18,8 @@ from analysis.sweep.plan import Plan
 from interchange.formats.document import open_scene
 from offline import batch
 
+TOGETHER = 16  # real-time frames that a worker is handed at once: a second or so
+
 
 @dataclass(frozen=True)
 class Swept:
@@ -65,7 +67,8 @@ def sweep(
     jobs = jobs_of(plan, made.rows, folder, digest)
     live = plan.rendering.name == "realtime"
     count = workers or (min(_cores(), max(1, len(jobs) // 8)) if live else 0)
-    report = batch.run(jobs, scheduler, count, progress, work, is_done)
+    together = max(1, min(TOGETHER, len(jobs) // (4 * max(count, 1)))) if live else 1
+    report = batch.run(jobs, scheduler, count, progress, work, is_done, together)
     records = [record for job in jobs if (record := read_record(job)) is not None]
     summary = write_datasets(plan, made, records, folder, report)
     return Swept(len(records), len(report.skipped), report.failed, report.seconds, summary)

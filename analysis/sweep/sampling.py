@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.stats import qmc
 
 from analysis.sweep.laws import Choice, Law
 
@@ -94,6 +93,8 @@ def _unit(dimensions: int, method: Method, count: int, seed: int) -> Iterator[np
     if dimensions == 0:
         yield from itertools.repeat(np.zeros(0)) if method.goes_on else np.zeros((count, 0))
         return
+    from scipy.stats import qmc  # takes longer than all else that a worker starts with
+
     match method:
         case Method.LATIN_HYPERCUBE:
             yield from qmc.LatinHypercube(dimensions, seed=seed).random(count)

@@ -228,6 +228,20 @@ def test_a_frame_is_done_only_if_its_record_is_of_this_very_job(made):
     assert is_done(job)
 
 
+def test_a_frame_that_fails_is_told_and_those_handed_out_with_it_go_on(made, tmp_path):
+    from dataclasses import replace
+
+    from offline.batch import _each
+
+    _, _, jobs, _ = made
+    two = [replace(j, folder=str(tmp_path), writes=("exr",)) for j in jobs[:2]]
+    (tmp_path / f"exr/{two[0].frame:06d}.exr").mkdir(parents=True)  # where its image is to go
+    first, second = _each(work, two)
+    assert "cannot be written" in first
+    assert second > 0
+    assert [is_done(j) for j in two] == [False, True]
+
+
 def test_path_tracing_makes_the_same_truth(made, tmp_path):
     """Ids at the pixels' centres; edges that pass within single precision of one may fall to either side."""
     from dataclasses import replace
