@@ -129,7 +129,7 @@ def _capture(args: argparse.Namespace) -> dict[str, Any]:
             camera,
             _lightings(args, at),
             args.out,
-            lambda scene, camera: render(scene, camera, (), False),
+            lambda scene, camera: render(scene, camera, (), False, 1),
             settings,
             digital=args.dn,
             exposure=args.exposure,
