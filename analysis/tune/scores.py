@@ -21,6 +21,7 @@ from interchange.camera import Projection
 from interchange.problems import BrightfieldError
 
 NONE = np.zeros((0, 2))
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 @dataclass(frozen=True)
@@ -196,14 +197,15 @@ def blob_scores(found: Blobs, regions: np.ndarray, usable: np.ndarray | None) ->
 
 def gauge_scores(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, float]:
     """Each feature is gauged from a place that is ``rules.placement`` px rms off in each direction, as a part is never
-    quite where the gauge was taught; the offsets depend on the frame's and the feature's names alone."""
+    quite where the gauge was taught; the offsets depend on the frame's and the feature's names alone. Features that the
+    image does not show as a whole are left out."""
     place, size, rejected = [], [], []
     worst = rules.roi  # not the algorithm's own reach, which a search would then make small
     for name, true in _features(algorithm, frame).items():
         rng = np.random.default_rng([rules.seed, *f"{frame.name}/{name}".encode()])
         off = rules.placement * rng.standard_normal(2)
         if isinstance(true, Circle):
-            if not np.isfinite(true.radius):
+            if not _seen(np.add(true.middle, true.radius * CORNERS), frame):
                 continue
             near = Circle((true.middle[0] + off[0], true.middle[1] + off[1]), true.radius)
             found = algorithm.run(frame.image, near)
@@ -214,7 +216,7 @@ def gauge_scores(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, 
                     abs(found.radius - true.radius),
                 )
         elif isinstance(true, Line):
-            if not np.isfinite([*true.start, *true.end]).all():
+            if not _seen(np.array([true.start, true.end]), frame):
                 continue
             (a, b), (c, d) = true.start, true.end
             found = algorithm.run(frame.image, Line((a + off[0], b + off[1]), (c + off[0], d + off[1])))
@@ -224,6 +226,8 @@ def gauge_scores(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, 
                 errors = (float(abs(ends.mean())), float(abs(ends[1] - ends[0]) / 2))
         else:
             pattern, inner = rules.patterns[name]
+            if not _seen(np.add(true, pattern.pixels.shape[0] / 2 * CORNERS), frame):
+                continue
             at = (true[0] - inner[0] + off[0], true[1] - inner[1] + off[1])
             found = algorithm.run(frame.image, Pattern(pattern.pixels, at))
             errors = (worst, 0.0)
@@ -237,6 +241,12 @@ def gauge_scores(algorithm: Algorithm, frame: Frame, rules: Rules) -> dict[str, 
     rms = [float(np.sqrt(np.mean(np.square(v)))) for v in (place, size)]
     found_all = {"position": rms[0], "size": rms[1], "false_rejects": float(np.mean(rejected))}
     return {n: v for n, v in found_all.items() if n in measures_of(algorithm.finds)}
+
+
+def _seen(points: np.ndarray, frame: Frame) -> bool:
+    """Whether a feature with these points (n, 2) lies in the image as a whole."""
+    h, w = frame.image.shape
+    return bool(np.isfinite(points).all() and (points >= 0).all() and (points <= np.array([w, h]) - 1).all())
 
 
 def _features(algorithm: Algorithm, frame: Frame) -> Mapping[str, Circle | Line | tuple[float, float]]:

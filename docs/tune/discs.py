@@ -46,7 +46,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     make(args.out, args.frames, args.seed)
@@ -160,7 +160,7 @@ def simulated(
     pose[:3, :3] = cv2.Rodrigues(rng.normal(0, 0.03, 3))[0]
     pose[:3, 3] = [*rng.uniform(-0.3, 0.3, 2) * PITCH, rng.uniform(-0.01, 0.01)]
     level = 120 * 2 ** rng.uniform(-0.5, 4.5)  # DN of paper, were it not for saturation
-    away, off = rng.uniform(0.3, 1.2), rng.uniform(-0.2, 0.2, 2)
+    away, off = rng.uniform(0.6, 1.5), rng.uniform(-0.3, 0.3, 2)
     place = np.array([*off, away])
     lamp = np.eye(4)
     lamp[:3, 3] = place

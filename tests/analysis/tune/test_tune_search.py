@@ -218,3 +218,18 @@ def test_what_a_score_depends_on_is_ranked() -> None:
 def test_a_frame_without_the_truth_that_is_needed_is_told() -> None:
     with pytest.raises(BrightfieldError, match="must tell the true edges"):
         score(Bowl(), Frame("a", np.zeros((80, 100), np.float32), CAMERA, Truth()), Rules())
+
+
+def test_features_that_are_cut_off_by_the_border_are_not_judged() -> None:
+    from analysis.tune.algorithms.circle_gauge import CircleGauge
+    from analysis.tune.found import Circle
+
+    row, column = np.mgrid[:80, :100].astype(float)
+    image = (200 - 160 * (np.hypot(column - 50.3, row - 40.2) < 12)).astype(np.float32)
+    whole, cut = Circle((50.3, 40.2), 12.0), Circle((96.0, 40.0), 12.0)
+    both = Frame("a", image, CAMERA, Truth(circles={"whole": whole, "cut": cut}))
+    alone = Frame("a", image, CAMERA, Truth(circles={"whole": whole}))
+    assert score(CircleGauge(), both, Rules()) == score(CircleGauge(), alone, Rules())
+    assert score(CircleGauge(), both, Rules())["position"] < 0.2
+    nothing = score(CircleGauge(), Frame("a", image, CAMERA, Truth(circles={"cut": cut})), Rules())
+    assert np.isnan(nothing["position"])

@@ -64,7 +64,9 @@ def test_frames_know_their_scene_their_defects_and_their_weight(series: Path) ->
     # the plate's edges move with the camera: true edges follow the image's own
     x = np.array([f.variation[next(n for n in f.variation if "pose.tx" in n)] for f in frames])
     middle = np.array([f.truth.edges.points[:, 0].mean() for f in frames])  # type: ignore[union-attr]
-    assert np.corrcoef(x, middle)[0, 1] < -0.5  # to the left, though edges come and go at the rim of the image
+    assert (
+        np.corrcoef(x, middle)[0, 1] < -0.5
+    )  # to the left, though edges come and go at the rim of the image
 
 
 def test_blobs_are_tuned_on_a_sweep(series: Path, tmp_path: Path) -> None:
