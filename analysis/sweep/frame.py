@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.sweep.job import Bench, SweepJob
+from analysis.sweep.job import Bench, SweepJob, TruthRenderer
 from analysis.sweep.placing import scene_of
 from analysis.sweep.truth import Instance, instances
 from interchange.exposure import expose
@@ -30,7 +30,7 @@ def make(job: SweepJob, bench: Bench) -> dict[str, Any]:
     camera = scene.camera(job.camera)
     camera = camera.resized(job.width) if job.width else camera
     image = bench.render(scene, camera, job)
-    live = bench.live(job.threads)
+    live = TruthRenderer(bench, job.threads)
     found = instances(live, scene, camera, image, job.objects, "bop" in job.writes)
     found += [Instance(d.name, d.kind, *p.truth(live, camera, image)) for d, p in placed]
     folder, name = Path(job.folder), f"{job.frame:06d}"

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import threading
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from interchange.image import Image
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
+KEPT = 15  # scenes of other times
 VERSION = 1  # of what a frame's files hold
 
 
@@ -81,8 +83,7 @@ class Bench:
         self.opened: tuple[Any, Any] | None = None
         self.scenes: dict[float, Scene] = {}
         self.cycles: Any = None
-        self.rasterizer: Any = None
-        self.thread = 0
+        self.rasterizers: dict[tuple[str, int], Any] = {}
 
     def scene(self, job: SweepJob) -> Scene:
         from interchange.formats.document import open_scene
@@ -95,18 +96,21 @@ class Bench:
                 )
             self.opened, self.scenes = ((job.scene, job.digest), document), {}
         if job.time not in self.scenes:
-            self.scenes = {**self.scenes, job.time: self.opened[1].scene(job.time)}
+            self.scenes = dict(list(self.scenes.items())[-KEPT:])
+            self.scenes[job.time] = self.opened[1].scene(job.time)
         return self.scenes[job.time]
 
-    def live(self, threads: int = 0) -> Any:
-        """The rasteriser; a context of OpenGL belongs to one thread."""
+    def live(self, threads: int = 0, use: str = "image") -> Any:
+        """A rasteriser for each ``use``: one that draws single objects for their masks would make the one that draws
+        images forget what it uploaded. A context of OpenGL belongs to one thread."""
         from realtime.renderers.rasterizer import Rasterizer
 
-        if self.rasterizer is None or self.thread != threading.get_ident():
+        key = (use, threading.get_ident())
+        if key not in self.rasterizers:
             if threads:
                 os.environ.setdefault("LP_NUM_THREADS", str(threads))  # Mesa's, read when it starts
-            self.rasterizer, self.thread = Rasterizer(), threading.get_ident()
-        return self.rasterizer
+            self.rasterizers[key] = Rasterizer()
+        return self.rasterizers[key]
 
     def render(self, scene: Scene, camera: Camera, job: SweepJob) -> Image:
         passes = ("depth", "object_id")
@@ -127,6 +131,17 @@ class Bench:
         return self.cycles.render(scene, camera, settings, passes)
 
 
+@dataclass(frozen=True)
+class TruthRenderer:
+    """Started where a mask is first drawn."""
+
+    bench: Bench
+    threads: int
+
+    def render(self, scene: Scene, camera: Camera, passes: Sequence[str], *, samples: int) -> Image:
+        return self.bench.live(self.threads, "truth").render(scene, camera, passes, samples=samples)
+
+
 BENCH = Bench()  # one a process
 
 
@@ -142,3 +157,16 @@ def work(job: SweepJob) -> float:
     beside.write_text(json.dumps({**record, "job": job.key}), encoding="utf-8")
     os.replace(beside, path)
     return float(record["seconds"])
+
+
+def of_another(folder: Path, jobs: Sequence[SweepJob]) -> int:
+    """How many finished frames of the folder are none of these jobs'."""
+    keys = {Path(job.out).name: job.key for job in jobs}
+    count = 0
+    for path in (folder / "frames").glob("[0-9]*.json"):
+        try:
+            key = json.loads(path.read_text(encoding="utf-8"))["job"]
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # half a record is nobody's
+        count += key != keys.get(path.name)
+    return count

@@ -13,9 +13,10 @@ import numpy as np
 
 from analysis.sweep.datasets import write_datasets
 from analysis.sweep.design import Told, kept_design
-from analysis.sweep.job import SweepJob, is_done, read_record, work
+from analysis.sweep.job import SweepJob, is_done, of_another, read_record, work
 from analysis.sweep.plan import Plan
 from interchange.formats.document import open_scene
+from interchange.problems import BrightfieldError
 from offline import batch
 
 TOGETHER = 16  # real-time frames that a worker is handed at once: a second or so
@@ -65,6 +66,11 @@ def sweep(
     folder.mkdir(parents=True, exist_ok=True)
     made = kept_design(plan, folder, digest, drawing)
     jobs = jobs_of(plan, made.rows, folder, digest)
+    if others := of_another(folder, jobs):
+        raise BrightfieldError(
+            f"The folder must be empty or hold frames of this very plan and scene; {others} are of another. "
+            f"Name another with --out, or remove it. ({folder})"
+        )
     live = plan.rendering.name == "realtime"
     count = workers or (min(_cores(), max(1, len(jobs) // 8)) if live else 0)
     together = max(1, min(TOGETHER, len(jobs) // (4 * max(count, 1)))) if live else 1

@@ -228,6 +228,18 @@ def test_a_frame_is_done_only_if_its_record_is_of_this_very_job(made):
     assert is_done(job)
 
 
+def test_a_folder_keeps_to_one_plan_which_may_grow(made):
+    from dataclasses import replace
+
+    from analysis.sweep.job import of_another
+
+    plan, _, jobs, out = made
+    more = replace(plan, count=8)
+    assert of_another(out, jobs_of(more, design(more).rows, out, jobs[0].digest)) == 0
+    assert of_another(out, jobs[:5]) == 3
+    assert of_another(out, jobs_of(plan, design(plan).rows, out, "another scene")) == 8
+
+
 def test_a_frame_that_fails_is_told_and_those_handed_out_with_it_go_on(made, tmp_path):
     from dataclasses import replace
 
