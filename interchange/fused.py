@@ -75,7 +75,7 @@ class Sites:
     weights: np.ndarray
 
     def __call__(self, pixels: np.ndarray) -> np.ndarray:
-        from interchange import plane_kernels, readout_kernels  # Numba comes with them
+        from interchange import readout_kernels, site_kernels  # Numba comes with them
 
         height, width, channels = pixels.shape
         g = self.glare.share if self.glare else 0.0
@@ -90,14 +90,14 @@ class Sites:
         def work(start: int, stop: int) -> None:
             planes, pad = banded(pixels, self.steps, start, stop)
             if alike:
-                plane_kernels.scaled(planes[0], out[start:stop], float(here[0, 0, 0]), pad)
+                site_kernels.scaled(planes[0], out[start:stop], float(here[0, 0, 0]), pad)
             else:
                 a, b, c = planes if channels == 3 else planes * 3
-                plane_kernels.measured(a, b, c, out[start:stop], start, here, pad)
+                site_kernels.measured(a, b, c, out[start:stop], start, here, pad)
             if g:
                 sums[start] = part = np.zeros((channels, *cells))
                 for k in range(channels):
-                    plane_kernels.binned(planes[k], start, height, part[k], pad)
+                    site_kernels.binned(planes[k], start, height, part[k], pad)
 
         each_band(work, height, BAND // ROWS)
         if self.glare and g:

@@ -52,9 +52,9 @@ def _spread(
     start: int,
     pad: int,
 ) -> None:
-    from interchange import plane_kernels  # Numba comes with it
+    from interchange import spread_kernels  # Numba comes with it
 
-    plane_kernels.spread(plane, low, height, out, start, columns, rows, kernels, halves, pad)
+    spread_kernels.spread(plane, low, height, out, start, columns, rows, kernels, halves, pad)
 
 
 def spread_over_field(
