@@ -18,7 +18,7 @@ from interchange.formats import images
 from interchange.formats.atomic import written_beside
 
 BLUE, RED, GREY = "#26548c", "#d73c1e", "0.6"
-GREEN, ORANGE = (40, 170, 60), (235, 90, 20)  # truth, found
+GREEN, ORANGE, PALE = (40, 170, 60), (235, 90, 20), (120, 135, 150)  # truth, found, found elsewhere
 MOST = 6  # variations that are shown
 
 
@@ -57,7 +57,8 @@ def search(session: Session) -> Figure:
     else:
         front = np.array(sorted(values[list(t.front)].tolist()))
         axes.plot(values[:, 0], values[:, 1], ".", color=GREY, ms=4, label="trial")
-        axes.plot(front[:, 0], front[:, 1], "o-", color=BLUE, ms=4, lw=1, label="Pareto front")
+        line = "o-" if len(t.objectives) == 2 else "o"
+        axes.plot(front[:, 0], front[:, 1], line, color=BLUE, ms=4, lw=1, label="Pareto front")
         axes.plot(values[0, 0], values[0, 1], "s", color=RED, ms=5, label="declared defaults")
         axes.plot(*values[t.chosen][:2], "*", color="k", ms=11, label="chosen")
         axes.set_xlabel(_label(t.objectives[0]), fontsize=8)
@@ -141,9 +142,10 @@ def found_picture(session: Session) -> np.ndarray:
     """(H, W, 3) uint8: truth (green) and what is found (orange) on a simulated, held-out frame and on a real one."""
     best = session.tuning.best
     patterns = session.frames[session.tuned_on[0]]
-    panels = [drawn(best, session.frames[session.held_out[0]], patterns)]
+    roi = session.rules.roi
+    panels = [drawn(best, session.frames[session.held_out[0]], patterns, roi)]
     if session.real_frames:
-        panels.append(drawn(best, session.real_frames[0], patterns))
+        panels.append(drawn(best, session.real_frames[0], patterns, roi))
     height = max(p.shape[0] for p in panels)
     whole = np.full((height, sum(p.shape[1] + 6 for p in panels) - 6, 3), 255, np.uint8)
     left = 0
@@ -153,8 +155,11 @@ def found_picture(session: Session) -> np.ndarray:
     return whole
 
 
-def drawn(algorithm: Algorithm, frame: Frame, pattern_frame: Frame | None = None) -> np.ndarray:
-    """(H, W, 3) uint8: the frame, its truth, and what the algorithm finds in it."""
+def drawn(
+    algorithm: Algorithm, frame: Frame, pattern_frame: Frame | None = None, roi: float = 8.0
+) -> np.ndarray:
+    """(H, W, 3) uint8: the frame, its truth, and what the algorithm finds in it; edges outside of the regions of
+    interest, ``roi`` px about the true ones, are drawn pale."""
     zoom = max(1, round(640 / frame.image.shape[1]))
     top = max(float(np.percentile(frame.image, 99.5)), 1e-6)
     grey = np.clip(frame.image * (235 / top), 0, 255).astype(np.uint8)
@@ -180,9 +185,12 @@ def drawn(algorithm: Algorithm, frame: Frame, pattern_frame: Frame | None = None
             cv2.drawMarker(picture, (x, y), colour, cv2.MARKER_CROSS, 12, 1, cv2.LINE_AA)
 
     if algorithm.finds is Edges and frame.truth.edges is not None:
-        dots(frame.truth.edges.points[::4], GREEN)
         found = algorithm.run(frame.image)
-        dots(found.points if isinstance(found, Edges) else np.zeros((0, 2)), ORANGE)
+        points = found.points if isinstance(found, Edges) else np.zeros((0, 2))
+        of_interest = np.isfinite(frame.truth.edges.near(points, roi)[0])
+        dots(points[~of_interest], PALE)
+        dots(frame.truth.edges.points[::4], GREEN)
+        dots(points[of_interest], ORANGE)
     elif algorithm.finds is Blobs and frame.truth.regions is not None:
         blobs = algorithm.run(frame.image)
         for labels, colour in ((frame.truth.regions, GREEN), (getattr(blobs, "labels", None), ORANGE)):

@@ -37,6 +37,7 @@ class Session:
     slices: list[Slice]
     dependence: dict[str, float]
     predictions: list[Prediction]
+    rules: Rules
     real_frames: Sequence[Frame]
     real_scores: dict[str, np.ndarray]
     real_default: dict[str, np.ndarray]
@@ -114,6 +115,7 @@ def run(
         slices=slices(tuning, own[:SLICED], rules, chosen[0]),
         dependence=dependence(frames, scores[chosen[0]]),
         predictions=predictions,
+        rules=rules,
         real_frames=real_frames,
         real_scores=real_scores,
         real_default=scores_of(tuning.default, real_frames, rules),
