@@ -6,6 +6,7 @@ stands, from more than one start, and the starts compare by their whole log Z.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms
 from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
+from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
@@ -51,11 +53,21 @@ class Model:
         return effects_at(self.terms, values, State(condition))
 
     def flow(self, condition: Condition) -> np.ndarray | None:
+        """(H, W, 2) px that the image moves by; conditions that share a rendering share it."""
         moving = [(t, x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "flow" and x]
         if not moving:
             return None
-        state = State(condition)
-        total = np.zeros((*condition.mean.shape[:2], 2))
+        key = id(condition.shown)
+        if key not in self._flows:
+            self._flows[key] = condition.shown, self._flow(State(condition), moving)
+        return self._flows[key][1]
+
+    @cached_property
+    def _flows(self) -> dict[int, tuple[Rendered, np.ndarray]]:
+        return {}
+
+    def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
+        total = np.zeros((*state.condition.mean.shape[:2], 2))
         for term, x in moving:
             found = term.flow(state) if term.flow is not None else None
             if found is not None:

@@ -29,7 +29,7 @@ MOST_PAIRS = 30
 
 
 def fixed_pattern(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:
-    """None where no two conditions of a camera have light of their own each."""
+    """None where no two conditions of a camera have light of their own each, or share no pixels away from edges."""
     pairs = [
         (a, b)
         for a, b in combinations(range(len(conditions)), 2)
@@ -42,6 +42,8 @@ def fixed_pattern(conditions: Sequence[Condition], simulations: Sequence[np.ndar
     pairs = [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), MOST_PAIRS)).astype(int)]
     left = {i: _white(conditions[i], simulations[i]) for i in {i for pair in pairs for i in pair}}
     total = np.sum([_block_sums(conditions, left, a, b) for a, b in pairs], axis=0)
+    if (total[:, 0] > 0).sum() < 2:
+        return None
     estimate, covariance = _jackknifed(total)
     sensor = conditions[pairs[0][0]].camera.sensor
     sheet = np.array([sensor.prnu, sensor.dsnu])

@@ -17,7 +17,8 @@ from interchange.filtering import resample
 from interchange.frames import apply
 from interchange.image import Image, Quantity
 
-KEPT = 24  # moved renderings
+KEPT = 8  # moved renderings, each with its neighbours
+HERE, WAYS = (0, 0), ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
 class State:
@@ -39,7 +40,7 @@ class State:
         self.flow = flow
         self.camera, self.shown = condition.camera, condition.shown
         if flow is not None:
-            self.shown = moved(self.shown, flow)
+            self.shown = moved(self.shown, flow)[HERE]
         self.moved = replace(condition, rendered=self.shown)
 
     def take(self, plane: np.ndarray) -> np.ndarray:
@@ -103,14 +104,14 @@ class State:
         if not self.condition.shown.fine:
             dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
             return self.take(dx), self.take(dy)
-        flow = self.flow if self.flow is not None else np.zeros((*self.condition.mean.shape[:2], 2))
+        views = moved(self.condition.shown, self.flow)
         slopes = []
-        for axis in np.eye(2) / FINE:
+        for axis in ((1, 0), (0, 1)):
             ahead, behind = (
-                replace(self.condition, rendered=moved(self.condition.shown, flow + way))
+                replace(self.condition, rendered=views[sign * axis[0], sign * axis[1]])
                 .simulated(self.effects)
                 .dn
-                for way in (-axis, axis)
+                for sign in (-1, 1)
             )
             slopes.append(self.take((ahead - behind) * np.float32(FINE / 2)))
         return slopes[0], slopes[1]
@@ -157,22 +158,25 @@ class State:
         return np.asarray(-(dx * du[..., None] + dy * dv[..., None]), np.float32)
 
 
-def moved(shown: Rendered, flow: np.ndarray) -> Rendered:
-    """What is seen where the scene moves by ``flow`` (H, W, 2) px in the image. The last ``KEPT`` are kept: conditions
-    that differ in nothing but what the lamps give share them."""
-    key = (id(shown), hashlib.sha256(flow.tobytes()).hexdigest())
+def moved(shown: Rendered, flow: np.ndarray | None) -> dict[tuple[int, int], Rendered]:
+    """What is seen where the scene moves by ``flow`` (H, W, 2) px in the image: ``HERE``; and, of a finer grid, a
+    step of it further in each of ``WAYS`` (columns, rows). The last ``KEPT`` are kept: conditions that differ in nothing but
+    what the lamps give share them."""
+    key = (id(shown), "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest())
     if key not in _kept:
-        _kept[key] = shown, _moved(shown, flow)
+        _kept[key] = shown, _moved_finely(shown, flow) if shown.fine else {HERE: _moved(shown, flow)}
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
     _kept.move_to_end(key)
     return _kept[key][1]
 
 
-_kept: OrderedDict[tuple[int, str], tuple[Rendered, Rendered]] = OrderedDict()
+_kept: OrderedDict[tuple[int, str], tuple[Rendered, dict[tuple[int, int], Rendered]]] = OrderedDict()
 
 
-def _moved(shown: Rendered, flow: np.ndarray) -> Rendered:
+def _moved(shown: Rendered, flow: np.ndarray | None) -> Rendered:
+    if flow is None:
+        return shown
     h, w = flow.shape[:2]
     column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
     x, y = (column - flow[..., 0]).astype(np.float32), (row - flow[..., 1]).astype(np.float32)
@@ -182,20 +186,31 @@ def _moved(shown: Rendered, flow: np.ndarray) -> Rendered:
 
     return replace(
         shown,
-        lamps=_moved_finely(shown, flow) if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
+        lamps={} if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
         rest=there(shown.rest) if shown.rest.any() else shown.rest,
         ambient=there(shown.ambient),
     )
 
 
-def _moved_finely(shown: Rendered, flow: np.ndarray) -> dict[str, np.ndarray]:
-    (h, w), n = flow.shape[:2], next(iter(shown.fine.values())).shape[0] // flow.shape[0]
-    column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
-    by = cv2.resize(
-        np.ascontiguousarray(n * flow, np.float32), (n * w, n * h), interpolation=cv2.INTER_LINEAR
-    )
-    x, y = column - by[..., 0], row - by[..., 1]
+def _moved_finely(shown: Rendered, flow: np.ndarray | None) -> dict[tuple[int, int], Rendered]:
+    w, h = shown.camera.sensor.resolution
+    n = next(iter(shown.fine.values())).shape[0] // h
+    fine = {name: plane.astype(np.float32) for name, plane in shown.fine.items()}
+    if flow is not None:
+        column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
+        flow_here = np.ascontiguousarray(n * flow, np.float32)
+        by = cv2.resize(flow_here, (n * w, n * h), interpolation=cv2.INTER_LINEAR)
+        x, y = column - by[..., 0], row - by[..., 1]
+        fine = {name: resample(plane, x, y) for name, plane in fine.items()}
+    wider = {name: cv2.copyMakeBorder(p, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for name, p in fine.items()}
+    base = _moved(shown, flow)
     return {
-        name: pixels(resample(plane.astype(np.float32), x, y), shown.scale, shown.camera)
-        for name, plane in shown.fine.items()
+        (u, v): replace(
+            base,
+            lamps={
+                name: pixels(p[1 - v : 1 - v + n * h, 1 - u : 1 - u + n * w], shown.scale, shown.camera)
+                for name, p in wider.items()
+            },
+        )
+        for u, v in (HERE, *WAYS)
     }

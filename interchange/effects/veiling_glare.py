@@ -70,10 +70,15 @@ class VeilingGlare(Effect):
         veil = np.full(coarse.shape, self.g / self.share, np.float32) * coarse.mean(
             axis=(0, 1), dtype=np.float32
         )
+        h, w = coarse.shape[:2]
         for scale in SCALES:
-            sigma = scale * (self.reach or REACH) * float(np.hypot(height, width)) * coarse.shape[1] / width
-            blurred = cv2.GaussianBlur(coarse, (0, 0), sigma, borderType=BORDER).reshape(coarse.shape)
-            veil += np.float32(self.halo / len(SCALES) / self.share) * blurred
+            sigma = scale * (self.reach or REACH) * float(np.hypot(height, width)) * w / width
+            less = max(1.0, sigma / COARSE)
+            cells = max(1, round(w / less)), max(1, round(h / less))
+            small = cv2.resize(coarse, cells, interpolation=cv2.INTER_AREA)
+            blurred = cv2.GaussianBlur(small, (0, 0), sigma * cells[0] / w, borderType=BORDER)
+            whole = cv2.resize(blurred, (w, h), interpolation=cv2.INTER_LINEAR).reshape(coarse.shape)
+            veil += np.float32(self.halo / len(SCALES) / self.share) * whole
         return np.asarray(veil)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.radiance import FINE, Rendered, pixels
-from analysis.gap.state import moved
+from analysis.gap.state import HERE, moved
 from interchange.camera import Camera, Sensor
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
@@ -33,8 +33,8 @@ def test_an_edge_moves_by_parts_of_a_pixel(by: float) -> None:
     flow = np.zeros((SIZE[1], SIZE[0], 2))
     flow[..., 0] = by
     want = shown(12.4 + by).lamps[LAMP][4, 4:-4, 0]
-    got = moved(shown(12.4), flow).lamps[LAMP][4, 4:-4, 0]
-    alone = moved(replace(shown(12.4), fine={}), flow).lamps[LAMP][4, 4:-4, 0]
+    got = moved(shown(12.4), flow)[HERE].lamps[LAMP][4, 4:-4, 0]
+    alone = moved(replace(shown(12.4), fine={}), flow)[HERE].lamps[LAMP][4, 4:-4, 0]
     assert (
         np.abs(got - want).max() < 0.08
     )  # a quarter of a third of a pixel, where the fine grid rounds an edge

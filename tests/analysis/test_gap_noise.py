@@ -109,6 +109,13 @@ def test_a_pattern_needs_two_lamps_of_their_own() -> None:
     assert fixed_pattern(again, [said[0], said[0]]) is None
 
 
+def test_a_pattern_needs_pixels_away_from_edges() -> None:
+    """Fine stripes everywhere, as in pictures that are much reduced: nothing is told, and no NaN."""
+    found, said = _rig(0)
+    stripes = np.where(np.indices((120, 160)).sum(axis=0) % 2, 1.0, 0.3)[..., None]
+    assert fixed_pattern(found, [s * stripes for s in said]) is None
+
+
 @pytest.mark.parametrize("bits", [8, 10, 11])
 def test_fewer_bits_leave_a_comb(bits: int) -> None:
     found, _ = _rig(1)
