@@ -160,8 +160,8 @@ class State:
 
 def moved(shown: Rendered, flow: np.ndarray | None) -> dict[tuple[int, int], Rendered]:
     """What is seen where the scene moves by ``flow`` (H, W, 2) px in the image: ``HERE``; and, of a finer grid, a
-    step of it further in each of ``WAYS`` (columns, rows). The last ``KEPT`` are kept: conditions that differ in nothing but
-    what the lamps give share them."""
+    step of it further in each of ``WAYS`` (columns, rows). The last ``KEPT`` are kept: conditions that
+    differ in nothing but what the lamps give share them."""
     key = (id(shown), "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest())
     if key not in _kept:
         _kept[key] = shown, _moved_finely(shown, flow) if shown.fine else {HERE: _moved(shown, flow)}
