@@ -98,7 +98,7 @@ def station() -> Scene:
         look_at(np.array([0.0, -0.02, 0.21]), np.zeros(3)),
         Lens(12e-3, 4.0, 0.2),
         sensor,
-        t_exp=8e-4,
+        t_exp=4e-3,
     )
     pose = look_at(np.array([0.03, 0.03, 0.16]), np.array([0.0, 0, 0.01])) @ np.diag([1.0, -1, -1, 1])
     lamp = Light("/World/Lamp", LightKind.DISK, (0.05,) * 3, pose, radius=0.012)
