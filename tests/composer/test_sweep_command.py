@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas
+import pytest
 from PIL import Image as Pillow
 
 from composer.cli import main
@@ -34,13 +35,14 @@ def small(folder: Path) -> Path:
     return folder / "plan.yaml"
 
 
+@pytest.mark.timeout(900)  # two starts of the program; a busy machine takes minutes
 def test_a_series_that_is_killed_goes_on_where_it_stopped(tmp_path, capsys):
     plan, out = small(tmp_path), tmp_path / "series"
     words = [sys.executable, "-m", "composer", "sweep", str(plan), "--out", str(out), "--workers", "1"]
     running = subprocess.Popen(
         words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 400
     while len(list(out.glob("frames/[0-9]*.json"))) < 3 and time.monotonic() < deadline:
         assert running.poll() is None
         time.sleep(0.01)
