@@ -8,7 +8,6 @@ ISO/CIE 11664-3; IEC 61966-2-1.
 from functools import cache
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from interchange.illuminants import table
 from interchange.problems import BrightfieldError
@@ -32,6 +31,8 @@ def xyz(spectrum: Spectrum) -> np.ndarray:
     """(3,) X, Y, Z in the spectrum's unit times nm, not normalised: K_m Y is lm of a spectrum in W/nm."""
     grid = common(spectrum, observer()[0])
     values = spectrum(grid)
+    from scipy.integrate import trapezoid  # half a second to import
+
     return np.array([trapezoid(values * c(grid), grid) for c in observer()])
 
 

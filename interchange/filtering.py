@@ -9,7 +9,6 @@ from functools import lru_cache, partial
 
 import cv2
 import numpy as np
-from scipy.signal import convolve2d
 from scipy.special import ive, j1
 
 from interchange.bands import BAND, each_band
@@ -132,6 +131,8 @@ def combined(kernels: Sequence[np.ndarray]) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _combined(kernels: tuple[tuple[bytes, tuple[int, int]], ...]) -> np.ndarray:
+    from scipy.signal import convolve2d  # near a second to import, for cameras of several blurs
+
     out = np.ones((1, 1))
     for data, shape in kernels:
         out = convolve2d(out, np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))

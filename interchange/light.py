@@ -28,7 +28,6 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from interchange.material import Texture
 from interchange.problems import Where
@@ -78,6 +77,8 @@ class Profile:
         """The integral of the candela over the sphere (lm), by the trapezium rule on a fine grid."""
         theta = np.linspace(0, np.pi, 721)
         phi = np.linspace(0, 2 * np.pi, 721)
+        from scipy.integrate import trapezoid  # half a second to import, and few ask for the power
+
         rings = trapezoid(self.evaluate(theta[:, None], phi[None, :]), phi, axis=1)
         return float(trapezoid(rings * np.sin(theta), theta))
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from interchange.measurement import Kind, Measurement
 from interchange.problems import BrightfieldError
@@ -65,10 +64,14 @@ class Spectrum:
 
     def integral(self) -> float:
         """∫ values dλ, in the unit times nm."""
+        from scipy.integrate import trapezoid  # half a second to import
+
         return float(trapezoid(self.values, self.wavelength_nm))
 
     def mean_wavelength(self) -> float:
         """nm, weighted by the values."""
+        from scipy.integrate import trapezoid
+
         return float(trapezoid(self.values * self.wavelength_nm, self.wavelength_nm)) / self.integral()
 
     def normalized(self, total: float = 1.0) -> "Spectrum":

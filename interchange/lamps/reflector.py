@@ -19,7 +19,6 @@ reflector, an even field of about 15 mm). The chapter gives neither f nor s nor 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from interchange.lamps.placing import WHITE, Color, aimed
 from interchange.light import Light, LightKind, Profile
@@ -90,6 +89,8 @@ class ReflectorDevice:
     def lobe_integral(self) -> float:
         """sr: the lobe over its peak."""
         a = np.linspace(0, min(LOBE_WIDTHS * self.dulling, LOBE_END), 4001)
+        from scipy.integrate import trapezoid  # half a second to import, for a few lamps
+
         return float(2 * np.pi * trapezoid(np.exp(-((a / self.dulling) ** 2) / 2) * np.sin(a), a))
 
     def spot_power(self, theta: float) -> float:
