@@ -101,6 +101,11 @@ def run(
         for m in measures_of(algorithm.finds)
         if np.isfinite(foretold[m]).sum() >= LEAST
     ]
+    if real is not None and not predictions:
+        raise BrightfieldError(
+            f"Real images can be predicted from {LEAST} held-out frames or more; there are {len(held_out)}. Hold out a "
+            "larger share, or simulate more."
+        )
     if stated is not None:
         stated(tuning, predictions)
     real_frames = list(real()) if real is not None else []

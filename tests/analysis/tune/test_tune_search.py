@@ -204,6 +204,8 @@ def test_a_session_states_before_it_asks_for_real_frames() -> None:
     assert not set(s.tuned_on) & set(s.held_out)
     assert s.verified is not None
     assert s.verified.share["position"] == 1.0
+    with pytest.raises(BrightfieldError, match="3 held-out frames"):
+        session.run(Bowl, frames[:4], trials=1, objectives=["position"], real=real)
     rough = session.run(Bowl, frames, trials=2, objectives=["position"], registration=1.0)
     wide = {p.measure: p.high - p.low for p in rough.predictions}
     assert wide["position"] > {p.measure: p.high - p.low for p in s.predictions}["position"]
