@@ -136,10 +136,13 @@ class State:
 
     @cached_property
     def position(self) -> np.ndarray:
-        """(h, w, 3) m in the world; far away on the pixel's ray where nothing is seen."""
+        """(h, w, 3) m in the world; far away on the pixel's ray where nothing is seen, on the axis where the lens
+        images nothing: one NaN would spread into every mean."""
         seen = self.take(self.shown.passes["position"]).astype(np.float64)
         if np.isnan(seen).any():
             origin, direction = self.camera.rays(np.stack(self.grid, axis=-1))
+            lost, eye = np.isnan(direction), self.camera.world_from_camera
+            origin, direction = np.where(lost, eye[:3, 3], origin), np.where(lost, eye[:3, 2], direction)
             seen = np.where(np.isnan(seen), origin + 1e4 * direction, seen)
         return seen
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.gap.conditions import Condition
 from analysis.gap.radiance import FINE, Rendered, pixels
-from analysis.gap.state import HERE, moved
-from interchange.camera import Camera, Sensor
+from analysis.gap.state import HERE, State, moved
+from interchange.camera import Camera, Lens, Sensor
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
 
@@ -40,3 +41,20 @@ def test_an_edge_moves_by_parts_of_a_pixel(by: float) -> None:
     )  # a quarter of a third of a pixel, where the fine grid rounds an edge
     assert got.sum() == pytest.approx(want.sum(), abs=0.01)
     assert np.abs(got - want).sum() < 0.5 * np.abs(alone - want).sum() + 1e-3
+
+
+def test_points_are_finite_where_the_lens_images_nothing() -> None:
+    """This lens folds at r = 0.91, which lies at r' = 0.62; the corner's 0.74 has no ray. Where there is one, the point
+    lies far away on it."""
+    camera = Camera("/eye", sensor=Sensor(SIZE, (1e-6, 1e-6)), lens=Lens(18.5e-6, distortion=(-0.3, -0.1)))
+    empty = np.full((SIZE[1], SIZE[0], 3), np.nan)
+    image = np.zeros((SIZE[1], SIZE[0], 1))
+    rendered = replace(shown(12.4), camera=camera, passes={"position": empty})
+    state = State(Condition((), rendered.scene, camera, image, None, image[..., 0] == 0, rendered=rendered))
+    _, direction = camera.rays(np.stack(state.grid, axis=-1))
+    there = np.isfinite(direction).all(axis=-1)
+    assert not there[0, 0]
+    assert there[8, 12]
+    assert np.isfinite(state.position).all()
+    away = state.position[there] / np.linalg.norm(state.position[there], axis=-1, keepdims=True)
+    assert np.allclose(away, direction[there])
