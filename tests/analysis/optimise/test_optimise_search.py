@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -29,6 +29,7 @@ from interchange.mesh import from_corners
 from interchange.problems import FileError
 from interchange.scene import Body, Scene
 
+patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # of a busy machine
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
@@ -101,6 +102,7 @@ def test_hypervolumes_of_known_fronts() -> None:
     )
 
 
+@patient
 @given(arrays(np.float64, (5, 3), elements=st.integers(0, 9).map(lambda k: k / 10)))
 def test_a_hypervolume_is_the_share_of_points_that_are_dominated(front: np.ndarray) -> None:
     front = front[pareto(front)]
@@ -141,6 +143,7 @@ def test_what_is_aimed_hits_and_keeps_its_roll() -> None:
     assert -lamp.world_from_light[:3, 2] == pytest.approx(away / np.linalg.norm(away))
 
 
+@patient
 @given(arrays(np.float64, 3, elements=st.floats(-1, 1)), arrays(np.float64, 3, elements=st.floats(-1, 1)))
 def test_the_turn_is_a_rotation_and_the_shortest(start: np.ndarray, towards: np.ndarray) -> None:
     if min(np.linalg.norm(start), np.linalg.norm(towards)) < 1e-3:

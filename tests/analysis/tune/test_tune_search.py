@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -23,6 +23,7 @@ from interchange.camera import Camera, Sensor
 from interchange.parameter import Parameter, parameter, setting
 from interchange.problems import BrightfieldError
 
+patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # of a busy machine
 CAMERA = Camera(sensor=Sensor((100, 80)))
 
 
@@ -116,6 +117,7 @@ def test_bounds_and_objectives_that_cannot_be_are_told() -> None:
 losses = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2)), elements=st.integers(0, 5).map(float))
 
 
+@patient
 @given(losses)
 def test_no_row_beats_the_front_and_every_other_row_is_beaten(values: np.ndarray) -> None:
     front = pareto(values)
