@@ -2,10 +2,15 @@
 
 import argparse
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from composer.reading import add_reading_options, options_from
 from interchange.problems import BrightfieldError
+
+if TYPE_CHECKING:
+    from composer.editor.workspace import Workspace
 
 HELP = "open a scene in the editor's window, or edit it by commands"
 
@@ -24,6 +29,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--script", type=Path, help="a file of edits, one a line, after those of --do")
     parser.add_argument("--headless", action="store_true", help="no window: edit, write, and end")
     parser.add_argument("--out", type=Path, help="where to write (default: FILE, which must then be USD)")
+    stream = parser.add_argument_group("a live camera, which shows each edit (see brightfield stream)")
+    stream.add_argument(
+        "--stream",
+        metavar="PRIM",
+        help="a camera to stream meanwhile; with --headless, edits are then read from the input, one a line",
+    )
+    stream.add_argument(
+        "--as", dest="kinds", nargs="+", default=["mjpeg"], metavar="KIND", help="(default: mjpeg)"
+    )
+    stream.add_argument("--address", default="127.0.0.1", help="(default: this machine alone)")
+    stream.add_argument(
+        "--port", type=int, help="of the first KIND (default: the one that its clients expect)"
+    )
     parser.add_argument("--list", action="store_true", help="list the edits and their fields")
     add_reading_options(parser)
 
@@ -33,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         print(edits())
         return 0
     from composer.editor.autosave import Autosave
+    from composer.editor.live_camera import LiveCamera
     from composer.editor.workspace import Workspace
 
     workspace = Workspace(None if args.headless else Autosave())
@@ -45,11 +64,25 @@ def run(args: argparse.Namespace) -> int:
         workspace.run(args.script.read_text(encoding="utf8").splitlines())
     for note in workspace.notes:
         print(note, file=sys.stderr)
-    if not args.headless:
-        from composer.editor.window.app import App
+    live = LiveCamera(workspace, args.stream, args.kinds, args.address, args.port) if args.stream else None
+    if live is not None:
+        for line in live.start():
+            print(line, flush=True)
+    try:
+        if not args.headless:
+            from composer.editor.window.app import App
 
-        App(workspace).run()
-        return 0
+            app = App(workspace)
+            app.state.stream = live
+            app.run()
+            return 0
+        if live is not None:
+            edit_from(sys.stdin, workspace)
+            if args.out is None:
+                return 0
+    finally:
+        if live is not None:
+            live.stop()
     target = args.out or workspace.path
     if target is None:
         raise BrightfieldError(
@@ -59,6 +92,21 @@ def run(args: argparse.Namespace) -> int:
         print(lost, file=sys.stderr)
     print(f"{target} written after {len(workspace.history.done)} edits.")
     return 0
+
+
+def edit_from(lines: Iterable[str], workspace: "Workspace") -> None:
+    """Do each edit as its line comes in, ``undo`` and ``redo`` besides; what cannot be done is told."""
+    for line in lines:
+        words = line.strip()
+        try:
+            if words == "undo":
+                workspace.undo()
+            elif words == "redo":
+                workspace.redo()
+            else:
+                workspace.run([words])
+        except BrightfieldError as error:
+            print(f"brightfield: {error}", file=sys.stderr, flush=True)
 
 
 def edits() -> str:

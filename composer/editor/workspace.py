@@ -4,7 +4,7 @@ A step is taken whole or not at all: where a command raises, or leaves a scene t
 it was before.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from interchange.formats.usd_edit import LiveStage, Node, kind_of, reread
 from interchange.formats.usd_edit_prims import world_pose
 from interchange.material import Material
 from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 
 NEW = "untitled.usda"
 EDITABLE = (".usd", ".usda", ".usdc")
@@ -34,6 +35,7 @@ class Workspace:
         self.revision = 0
         self.log: list[str] = []  # every step as text, for scripts
         self.notes: list[str] = []  # what was noticed on reading files
+        self.watchers: list[Callable[[Scene], None]] = []  # each is called with the scene after a change
         self.selection: tuple[str, ...] = ()
         self._take(LiveStage.empty(Path(NEW)), None)
 
@@ -51,6 +53,8 @@ class Workspace:
     def _changed(self) -> None:
         self.revision += 1
         self._outline: tuple[Node, ...] | None = None
+        for watcher in tuple(self.watchers):
+            watcher(self.scene)
 
     @property
     def stage(self) -> Any:

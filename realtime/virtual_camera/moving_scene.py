@@ -162,6 +162,16 @@ class MovingScene:
             self._q.update(angles)
             self._belts.update(belts)
 
+    def show(self, scene: Scene) -> None:
+        """Another scene in place of this one's source, from the next exposure on: an editor's after an edit. What
+        was moved and is still there stays where it was put."""
+        bodies, cameras = {b.name for b in scene.bodies}, {c.name for c in scene.cameras}
+        with self._lock:
+            self.timeline, self._latest = TimeLine(lambda _: scene), None
+            self._names, self._cameras = bodies, cameras
+            self._poses = {n: m for n, m in self._poses.items() if n in bodies}
+            self._camera_poses = {n: m for n, m in self._camera_poses.items() if n in cameras}
+
     def set_body_pose(self, name: str, world_from_body: Any) -> None:
         """Put a body (4, 4) where it stays until it is moved again; joints and belts move it from there."""
         self.change(bodies={name: world_from_body})

@@ -2,6 +2,7 @@
 
 from composer.editor import proposals
 from composer.editor.commands import AddSolid, AssignMaterial, Command, Delete, Duplicate
+from composer.editor.live_camera import LiveCamera
 from composer.editor.presets import Preset
 from composer.editor.window.state import State
 
@@ -43,9 +44,10 @@ def add_solid(state: State, kind: str) -> None:
     state.do(AddSolid(kind, kind.capitalize(), extent))
 
 
-def use_preset(state: State, preset: Preset) -> None:
-    """Bring a material of the library in, and dress what is selected in it."""
-    bodies = tuple(p for p in state.workspace.selection if state.workspace.kind(p) in ("mesh", "group"))
+def use_preset(state: State, preset: Preset, on: tuple[str, ...] = ()) -> None:
+    """Bring a material of the library in, and dress these bodies in it, or what is selected."""
+    wanted = on or state.workspace.selection
+    bodies = tuple(p for p in wanted if state.workspace.kind(p) in ("mesh", "group"))
     command: Command = preset.command
     if not state.do(command):
         return
@@ -53,6 +55,32 @@ def use_preset(state: State, preset: Preset) -> None:
     if bodies:
         state.do(AssignMaterial(bodies, material))
         state.workspace.select(bodies)
+
+
+def drop_material(state: State, path: str) -> None:
+    """What is carried from the tree or the library falls onto a body."""
+    if not path or state.workspace.kind(path) not in ("mesh", "group"):
+        state.tell("A material is dropped onto a body.")
+    elif isinstance(state.carried, Preset):
+        use_preset(state, state.carried, (path,))
+    elif state.carried:
+        state.do(AssignMaterial((path,), state.carried))
+    state.carried = ""
+
+
+def stream(state: State, camera: str) -> None:
+    """Stream this camera instead of another one; "" ends it."""
+    if state.stream is not None:
+        state.stream.stop()
+        state.stream = None
+        state.tell("The stream has ended.")
+    if not camera:
+        return
+    live = LiveCamera(state.workspace, camera)
+    lines = state.attempt(live.start)
+    if lines is not None:
+        state.stream = live
+        state.tell("; ".join(lines))
 
 
 def save(state: State) -> None:

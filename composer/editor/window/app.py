@@ -62,6 +62,8 @@ class App:
             ) from None
         if self.state.job is not None:
             self.state.job.cancel()
+        if self.state.stream is not None:
+            self.state.stream.stop()
 
     def _params(self, size: tuple[int, int]) -> Any:
         params = hello_imgui.RunnerParams()

@@ -10,7 +10,7 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import icons_fontawesome_6 as icons
 
 from composer.editor.offline_job import OfflineJob
-from composer.editor.window import theme
+from composer.editor.window import actions, theme
 from composer.editor.window.display import Display, Look
 from composer.editor.window.hidden import Hidden
 from composer.editor.window.places import mark, mark_rect
@@ -22,6 +22,9 @@ from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 
 BINS = 128
+OVERVIEW_FIRST = (
+    4  # frames of a window that opens: the overview is seen before shaders of sensors' views compile
+)
 SAMPLES = (16, 64, 256, 1024)
 
 
@@ -134,11 +137,23 @@ class CameraView:
                 imgui.end_combo()
             if imgui.is_item_hovered():
                 imgui.set_tooltip("Light paths a pixel")
+        self._stream(camera)
         if self.offline is not None:
             imgui.same_line(0, 6)
             if imgui.button(f"{icons.ICON_FA_TRASH}##offline"):
                 self.offline, self.offline_drawn = None, None
                 self.displays.pop("offline", None)
+
+    def _stream(self, camera: Camera) -> None:
+        stream = self.state.stream
+        live = stream is not None and stream.name == camera.name
+        tip = "Stream this camera to vision software, as it is edited"
+        if live and stream is not None:
+            tip = "\n".join(["Streamed; click to stop", *stream.lines])
+        imgui.same_line(0, 6)
+        if toggle(icons.ICON_FA_TOWER_BROADCAST, live, tip):
+            actions.stream(self.state, "" if live else camera.name)
+        mark(f"stream {self.number}")
 
     # making pictures
 
@@ -150,6 +165,8 @@ class CameraView:
 
     def _picture(self, camera: Camera) -> None:
         state = self.state
+        if imgui.get_frame_count() < OVERVIEW_FIRST:
+            return
         used = self._size(camera)
         quiet = state.quiet
         key = (

@@ -60,12 +60,17 @@ class Library:
         mark(f"library {preset.name}")
         hovered, visible = imgui.is_item_hovered(), imgui.is_item_visible()
         draw = imgui.get_window_draw_list()
+        if imgui.begin_drag_drop_source():
+            self.state.carried = preset
+            imgui.set_drag_drop_payload_py_id("material", 1)
+            imgui.text(f"{icons.ICON_FA_PALETTE}  {preset.name}")
+            imgui.end_drag_drop_source()
         if hovered:
             draw.add_rect_filled(
                 corner, (corner.x + BALL + 8, corner.y + BALL + 24), theme.color32((1, 1, 1, 0.06)), 4
             )
             imgui.set_tooltip(
-                f"{preset.name}\n{preset.source}\nClick: into the scene, and onto what is selected"
+                f"{preset.name}\n{preset.source}\nClick: onto what is selected · drag: onto a body"
             )
         picture = self.pictures.get(key)
         at = (corner.x + 4, corner.y + 3)

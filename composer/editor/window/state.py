@@ -8,8 +8,10 @@ import moderngl
 import numpy as np
 
 from composer.editor.commands import Command
+from composer.editor.live_camera import LiveCamera
 from composer.editor.offline_job import OfflineJob
 from composer.editor.orbit import Orbit
+from composer.editor.presets import Preset
 from composer.editor.preview import moved
 from composer.editor.workspace import Workspace
 from interchange.image import Image
@@ -49,9 +51,10 @@ class State:
     message_is_error: bool = False
     message_at: float = 0.0
     job: OfflineJob | None = None
+    stream: LiveCamera | None = None
     job_camera: str = ""
     shown_camera: str = ""  # in the camera views
-    carried: str = ""  # the material that is dragged from the tree or the library
+    carried: str | Preset = ""  # the material that is dragged from the tree or the library
     dialog: Any = None
     asked: str = ""  # what waits for an answer about unsaved changes: new, open, quit
     rename_to: str = ""
@@ -87,7 +90,13 @@ class State:
         """To be called every frame: sees whether the scene or the view has changed."""
         now = (self.scene_key, self.orbit, self.shading)
         if now != self._seen:
+            dragged = self._seen is not None and self._seen[0] != self.scene_key
             self._seen, self.changed_at = now, time.monotonic()
+            if dragged and self.stream is not None:
+                self.stream.show(self.scene)
+        if self.stream is not None and self.stream.problem:
+            self.tell(self.stream.problem, error=True)
+            self.stream = None
 
     def tell(self, text: str, error: bool = False) -> None:
         self.message, self.message_is_error, self.message_at = text, error, time.monotonic()

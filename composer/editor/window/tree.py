@@ -5,6 +5,7 @@ from imgui_bundle import imgui
 
 from composer.editor.commands import AssignMaterial, Rename, Show
 from composer.editor.window import theme
+from composer.editor.window.actions import drop_material
 from composer.editor.window.places import mark
 from composer.editor.window.state import State
 from interchange.formats.usd_edit import Node
@@ -121,8 +122,8 @@ class Tree:
             imgui.text(f"{icons.ICON_FA_PALETTE}  {node.name}")
             imgui.end_drag_drop_source()
         if node.kind in ("mesh", "group") and imgui.begin_drag_drop_target():
-            if imgui.accept_drag_drop_payload_py_id("material") is not None and self.state.carried:
-                self.state.do(AssignMaterial((node.path,), self.state.carried))
+            if imgui.accept_drag_drop_payload_py_id("material") is not None:
+                drop_material(self.state, node.path)
             imgui.end_drag_drop_target()
 
     def _menu(self, node: Node) -> None:

@@ -13,6 +13,7 @@ from composer.editor.orbit import gl_matrices
 from composer.editor.picking import body_at, line_at
 from composer.editor.solid_look import SolidLook
 from composer.editor.window import theme
+from composer.editor.window.actions import drop_material
 from composer.editor.window.display import Display, Look
 from composer.editor.window.places import mark_rect
 from composer.editor.window.state import Dragged, State
@@ -61,6 +62,7 @@ class Viewport:
             draw.add_image(self.display.texture, corner, end)
         mark_rect("viewport", (corner.x, corner.y, corner.x + width, corner.y + height))
         imgui.dummy(imgui.ImVec2(width, height))  # ImGuizmo grabs nothing while an item is hovered
+        self._dropped()
         self.hovered = imgui.is_window_hovered() and not imgui.is_any_item_hovered()
         self._overlay(draw)
         over = self._gizmo()
@@ -343,21 +345,32 @@ class Viewport:
             self._pick(at, io.key_shift or io.key_ctrl)
         self.press, self.turning = None, False
 
-    def _pick(self, at: tuple[float, float], more: bool) -> None:
+    def _dropped(self) -> None:
+        """A material that is let go over a body."""
+        if not imgui.begin_drag_drop_target():
+            return
+        if imgui.accept_drag_drop_payload_py_id("material") is not None:
+            mouse = imgui.get_mouse_pos()
+            drop_material(self.state, self._body_at((mouse.x - self.origin[0], mouse.y - self.origin[1])))
+        imgui.end_drag_drop_target()
+
+    def _body_at(self, at: tuple[float, float]) -> str:
+        """Its prim; "" where there is none."""
         state = self.state
         assert state.renderer is not None
         assert state.context is not None
-        path = line_at(self.camera, self.lines(), at)
-        if not path:
-            before = state.context.detect_framebuffer()
-            try:
-                path, _ = body_at(state.renderer, state.scene, self.camera, at)
-            except BrightfieldError as error:
-                state.tell(str(error), error=True)
-            finally:
-                before.use()
-        path = path.split("[")[0]
-        workspace = state.workspace
+        before = state.context.detect_framebuffer()
+        try:
+            return body_at(state.renderer, state.scene, self.camera, at)[0].split("[")[0]
+        except BrightfieldError as error:
+            state.tell(str(error), error=True)
+            return ""
+        finally:
+            before.use()
+
+    def _pick(self, at: tuple[float, float], more: bool) -> None:
+        path = line_at(self.camera, self.lines(), at).split("[")[0] or self._body_at(at)
+        workspace = self.state.workspace
         if more and path:
             kept = [p for p in workspace.selection if p != path]
             workspace.select(kept if path in workspace.selection else [*kept, path])
