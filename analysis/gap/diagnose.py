@@ -21,7 +21,7 @@ from analysis.gap.fit import Fit, Model, fit, uncertainty
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
-from analysis.gap.noise import noise_findings
+from analysis.gap.noise import noise_findings, with_black_level
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
@@ -114,7 +114,10 @@ def diagnose(
     findings = _findings(fitted, attribution, shrunk)
     told("noise", 0.0)
     corrected = [fitted.after.simulated(c) for c in all_of_them]
-    judged = noise_findings(whole, corrected)
+    black = sum(
+        float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True) if t.cause == "black_level"
+    )
+    judged = noise_findings(with_black_level(whole, black), corrected)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in attribution.players]
     findings += [_noise_finding(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
@@ -127,6 +130,11 @@ def diagnose(
         *(_noise_change(n) for n in noise if n.name in WRITTEN),
     ]
     left = write_corrected(document, captures, changes, scene_file)
+    left |= {
+        f.name: "Its pattern in places is in no scene file."
+        for f in findings
+        if "rms in places" in f.parameters
+    }
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
     check = None
     if verify and findings:
@@ -236,7 +244,7 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
     for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
-        if term.cause in names and term.candidate in fitted.best.causes:
+        if term.cause in names and term.candidate in fitted.best.causes and term.family is None:
             pair = (term.value(float(theta)), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
     return [
@@ -266,12 +274,14 @@ def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Findin
             width = float(sigma[i])
             if term.power == 2:
                 width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
-            if term.parameter == PRODUCT:
+            if term.parameter == PRODUCT or term.family is not None:
                 continue
             if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
                 value = -value
             target = term.target.rsplit("/", 1)[-1]
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
+        if in_places := [i for i in index if fitted.terms[i].family is not None]:
+            estimates["rms in places"] = _rms(fitted, in_places)
         rivals = _rivals(fitted, own)
         separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
         out.append(
@@ -289,12 +299,20 @@ def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Findin
     return out
 
 
+def _rms(fitted: Fit, index: Sequence[int]) -> Estimate:
+    """Of a pattern without a formula, over the signal; its width from the gain of every place alone."""
+    e = fitted.evidence.e
+    theta = fitted.after.theta[list(index)]
+    square = float(theta @ e.G[np.ix_(index, index)] @ theta) / e.signal
+    return Estimate(float(np.sqrt(max(square, 0.0))), float(np.sqrt(len(index) / e.signal)), "1")
+
+
 def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, float], ...]:
     """What else could stand in these causes' place, and how probable that is."""
     rest = set(fitted.best.causes) - set(own)
     chances: dict[str, float] = {}
     for cause, p in fitted.probability.items():
-        if cause not in fitted.best.causes and cause[0] in CATALOGUED:
+        if cause not in fitted.best.causes and cause[0] in CATALOGUED - {c[0] for c in own}:
             with_own = sum(
                 np.exp(h.score - fitted.best.score)
                 for h in fitted.hypotheses

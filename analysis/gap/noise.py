@@ -10,6 +10,7 @@ EMVA Standard 1288, release 4.0 Linear, 2021, section 6.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +38,18 @@ def noise_findings(conditions: Sequence[Condition], simulations: Sequence[np.nda
         if told is not None:
             found.append(told)
     return [*found, *code_findings(conditions, simulations)]
+
+
+def with_black_level(conditions: Sequence[Condition], off: float) -> list[Condition]:
+    """The conditions with a black level ``off`` DN from the data sheet's: electrons count from there, else what the
+    dark shows would pass for light, and its share of the noise for photons' own."""
+
+    def one(c: Condition) -> Condition:
+        sensor = c.camera.sensor
+        black = float(np.clip(sensor.black_level + off, 0, 2**sensor.bit_depth - 2))
+        return replace(c, camera=replace(c.camera, sensor=replace(sensor, black_level=black)))
+
+    return [one(c) for c in conditions] if off else list(conditions)
 
 
 def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:

@@ -8,12 +8,13 @@ import pytest
 from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import fixed_pattern
-from analysis.gap.noise import noise_findings, sensor_noise
+from analysis.gap.noise import noise_findings, sensor_noise, with_black_level
 from analysis.gap.noise_finding import probability
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture
 from interchange.effects import Effect
+from interchange.effects.black_level import BlackLevel
 from interchange.effects.fixed_pattern import FixedPattern
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.response_curve import ResponseCurve
@@ -86,6 +87,19 @@ def test_gain_and_read_noise_lie_within_their_intervals() -> None:
         z.append(((K.value - (4095 - 64) / 9e3) / K.sigma, (read.value - 9) / read.sigma))
     assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5
     assert np.abs(np.mean(z, axis=0)).max() < 3 / np.sqrt(12)
+
+
+def test_noise_counts_from_the_black_level_that_was_found() -> None:
+    """20 DN above the data sheet's 64, which would pass for 50 e- of light, more than σ_d²; 3 of its own
+    σ."""
+    found, said = _rig(0, (BlackLevel(84.0),))
+    told = sensor_noise(with_black_level(found, 20.0), [s + 20 for s in said])
+    wrong = sensor_noise(found, [s + 20 for s in said])
+    assert told is not None
+    assert wrong is not None
+    for name, true in (("K", SHEET.K), ("read_noise", SHEET.read_noise)):
+        assert told.parameters[name].value == pytest.approx(true, abs=3 * told.parameters[name].sigma)
+    assert wrong.parameters["read_noise"].value == 0
 
 
 def test_fixed_patterns_lie_within_their_intervals() -> None:
