@@ -54,12 +54,19 @@ def measure(file: Path, size: tuple[int, int], frames: int) -> None:
     workspace.open(file)
     app = window.App(workspace, rests=False)
     times: list[tuple[float, float]] = []
+    told: list[bool] = []
 
     def each(shown: window.App) -> None:
         times.append((time.perf_counter(), time.process_time()))
         if shown.frames == 2:
             print(
                 f"first picture after {time.time() - START:.2f} s, {time.process_time():.2f} CPU s",
+                flush=True,
+            )
+        if not told and shown.views[0].full:
+            told.append(True)
+            print(
+                f"the camera's picture in full after {time.time() - START:.2f} s, {time.process_time():.2f} CPU s",
                 flush=True,
             )
         if shown.frames > 6:

@@ -66,6 +66,25 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     robot.key("ctrl+y")
     assert len(workspace.scene.cameras) == 1, "redo brings it back"
 
+    aluminium = workspace.scene.bodies[0].material
+    robot.click("library find")
+    robot.key("ctrl+a")
+    robot.type("ground")
+    robot.drag(robot.middle("library steel, ground"), seen(robot, 0), steps=6)
+    robot.wait("The dropped material", lambda: "assign_material" in workspace.log[-1])
+    assert body in workspace.log[-1], "a material of the library falls onto the body under the cursor"
+    robot.key("ctrl+z")
+    robot.key("ctrl+z")
+    assert workspace.scene.bodies[0].material == aluminium
+
+    robot.click("stream 0")
+    robot.wait("The stream", lambda: robot.app.state.stream is not None)
+    stream = robot.app.state.stream
+    assert stream is not None
+    robot.wait("A frame", lambda: stream._publisher.latest is not None)
+    robot.click("stream 0")
+    robot.wait("The stream's end", lambda: robot.app.state.stream is None)
+
     x0, y0, x1, y1 = robot.rect("viewport")
     robot.click(f"tree {body}")
     before = workspace.pose(body)
@@ -105,6 +124,18 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     assert again.lights[0].intensity == scene.lights[0].intensity
     assert again.cameras[0].lens == scene.cameras[0].lens
     assert again.cameras[0].sensor == scene.cameras[0].sensor
+
+
+def seen(robot: Robot, number: int) -> tuple[float, float]:
+    """px on the screen, in the middle of the triangle of a body that is largest in the overview."""
+    view, body = robot.app.viewport, robot.app.state.workspace.scene.bodies[number]
+    points = body.mesh.vertices @ body.world_from_body[:3, :3].T + body.world_from_body[:3, 3]
+    triangles = view.camera.project(points)[body.mesh.faces]
+    (ax, ay), (bx, by) = (np.moveaxis(triangles[:, k] - triangles[:, 0], -1, 0) for k in (1, 2))
+    x, y = (
+        triangles[np.argmax(ay * bx - ax * by)].mean(axis=0) + view.origin
+    )  # counter-clockwise: turned to us
+    return float(x), float(y)
 
 
 def pictures(robot: Robot, assets: Path, out: Path) -> None:

@@ -22,6 +22,7 @@ from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 
 BINS = 128
+SECOND_PART = 220  # px of the bar: path tracing and the stream
 OVERVIEW_FIRST = (
     4  # frames of a window that opens: the overview is seen before shaders of sensors' views compile
 )
@@ -114,7 +115,8 @@ class CameraView:
         imgui.same_line(0, 2)
         if toggle(icons.ICON_FA_CROSSHAIRS, False, "Select this camera"):
             self.state.workspace.select([camera.name])
-        imgui.same_line(0, 8)
+        if imgui.get_window_pos().x + imgui.get_window_width() - imgui.get_item_rect_max().x > SECOND_PART:
+            imgui.same_line(0, 8)  # in a narrow view the rest has a line of its own
         job = self.state.job
         if job is not None and job.running and self.state.job_camera == camera.name:
             text = f"{job.done_samples} / {job.samples}" if job.done_samples else "starting"
