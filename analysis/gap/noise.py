@@ -92,9 +92,13 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
     degrees of freedom it has."""
     assert c.spread is not None
     ok = c.usable(c.simulated())
+    if not ok.any():
+        return []
     light, still = per_electron(c.mean[ok], c.camera)
     light, still = light.reshape(-1), np.broadcast_to(still, light.shape).reshape(-1)
-    measured = c.spread[ok].reshape(-1) - 1 / 12
+    whole = [float((capture.pixels - c.mean)[ok].mean()) for capture in c.captures]
+    drift = float(np.var(whole, ddof=1))  # of the light from repeat to repeat: no noise, as EMVA 1288 has it
+    measured = c.spread[ok].reshape(-1) - drift - 1 / 12
     order = np.argsort(simulation[ok].reshape(-1), kind="stable")
     parts = [i for i in np.array_split(order, LEVELS) if len(i)]
     degrees = len(c.captures) - 1

@@ -102,6 +102,23 @@ def test_noise_counts_from_the_black_level_that_was_found() -> None:
     assert wrong.parameters["read_noise"].value == 0
 
 
+def test_a_light_that_drifts_between_repeats_is_no_noise() -> None:
+    """By 2 % of the mean: its variance would be as large as the photons'."""
+    found, said = _rig(0)
+    drifting = []
+    for c in found:
+        one, two = c.captures
+        two = replace(two, pixels=two.pixels + 0.02 * float(c.mean.mean()))
+        stack = np.stack([one.pixels, two.pixels])
+        drifting.append(
+            replace(c, captures=(one, two), mean=stack.mean(axis=0), spread=stack.var(axis=0, ddof=1))
+        )
+    steady, told = sensor_noise(found, said), sensor_noise(drifting, said)
+    assert steady is not None
+    assert told is not None
+    assert told.parameters["K"].value == pytest.approx(steady.parameters["K"].value, rel=0.01)
+
+
 def test_fixed_patterns_lie_within_their_intervals() -> None:
     """8 seeds; the pattern itself, drawn on 19,200 x 3 px, is known to 0.3 %."""
     z = []
