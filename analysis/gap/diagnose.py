@@ -1,7 +1,7 @@
 """From captures and a scene to a diagnosis: where the simulation is wrong, what causes it, how far it shrinks."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
+from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution, Cause, Told, attribution, waterfall
 from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
-from analysis.gap.diagnosis import STAGES, Diagnosis, Edges, Estimate, Finding
+from analysis.gap.diagnosis import Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
 from analysis.gap.fit import Fit, Model, fit, uncertainty
 from analysis.gap.knots import Knots
@@ -26,21 +27,13 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Render, render_all
-from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
 from analysis.gap.verify import verified
 from interchange.captures import Captures
 from interchange.formats.document import Document
 from interchange.problems import BrightfieldError
 
-CATALOGUED = {name for names in STAGES.values() for name in names}
-PRESENT = 0.5
-UNKNOWN, UNCERTAIN = "outside the catalogue", "less certain causes"
-
 WRITTEN = ("sensor_noise", "fixed_pattern", "jpeg")  # effects without a mean that a scene file can say
-
-Told = Callable[[str, float], None]
-Cause = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +103,15 @@ def diagnose(
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
     told("shares", 0.0)
-    attribution = _attribution(fitted, held, by, shown, told)
-    findings = _findings(fitted, attribution, shrunk)
+    taken = attribution(fitted, held, by, shown.before, shown.after, told)
+    findings = _findings(fitted, taken, shrunk)
     told("noise", 0.0)
     corrected = [fitted.after.simulated(c) for c in all_of_them]
     black = sum(
         float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True) if t.cause == "black_level"
     )
     judged = noise_findings(with_black_level(whole, black), corrected)
-    noise = [n for n in judged if n.probability >= PRESENT and n.name not in attribution.players]
+    noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [_noise_finding(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
     unknown = _unknown(fitted)
@@ -139,7 +132,7 @@ def diagnose(
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
-        claim = attribution.chi2.get(carried & frozenset(attribution.players), shrunk.before**2)
+        claim = taken.chi2.get(carried & frozenset(taken.players), shrunk.before**2)
         check = verified(scene_file, held, fitted.before, by, claim**0.5, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = _notes(all_of_them, where, tried, left)
@@ -153,73 +146,13 @@ def diagnose(
         corrected_scene=scene_file.name,
         seconds=time.monotonic() - began,
         notes=tuple(notes),
-        waterfall=_waterfall(shrunk, attribution),
+        waterfall=waterfall(shrunk, taken),
         edges=_edges(held, by, shown),
         metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
         verification=check,
         smallest=detectable(fitted.evidence),
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
-
-
-@dataclass(frozen=True, eq=False)
-class Attribution:
-    """``players``: effects found, and what else is in the best hypothesis; ``chi2`` of every set of them on the
-    held-out captures, ``share``: what each takes off it (Shapley)."""
-
-    players: dict[str, tuple[Cause, ...]]
-    chi2: dict[frozenset[str], float]
-    share: dict[str, float]
-
-
-def _attribution(
-    fitted: Fit, held: Sequence[Condition], by: Yardstick, shown: Simulations, told: Told
-) -> Attribution:
-    players: dict[str, tuple[Cause, ...]] = {}
-    for cause in fitted.best.causes:
-        sure = fitted.probability.get(cause, 0.0) >= PRESENT
-        name = (cause[0] if cause[0] in CATALOGUED else UNKNOWN) if sure else UNCERTAIN
-        players[name] = (*players.get(name, ()), cause)
-    chi2: dict[frozenset[str], float] = {}
-
-    def simulated(names: frozenset[str]) -> Sequence[np.ndarray]:
-        if not names:
-            return shown.before
-        if len(names) == len(players):
-            return shown.after
-        model = without(fitted, [c for n, causes in players.items() if n not in names for c in causes])
-        return [model.simulated(c) for c in held]
-
-    def closed(names: frozenset[str]) -> float:
-        chi2[names] = by.chi2(simulated(names))
-        told("shares", len(chi2) / 2 ** len(players))
-        return -chi2[names]
-
-    share = shares(list(players), closed)
-    return Attribution(players, chi2, share)
-
-
-def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
-    """The best model with some of its causes taken out; the others stay as they were fitted."""
-    out = np.array([t.candidate in causes for t in fitted.terms], bool)
-    before, after = fitted.before, fitted.after
-    return replace(
-        after, theta=np.where(out, before.theta, after.theta), at=np.where(out, before.at, after.at)
-    )
-
-
-def _waterfall(g: Gap, attribution: Attribution) -> tuple[Step, ...]:
-    """From the scene file as written to noise; the steps add up to its mean χ²."""
-    effects = [
-        Step(n, "effect" if n in CATALOGUED else "unknown", s)
-        for n, s in sorted(attribution.share.items(), key=lambda x: -x[1])
-    ]
-    return (
-        Step("calibration within tolerances", "calibration", g.as_written**2 - g.before**2),
-        *effects,
-        Step("not explained", "rest", g.after**2 - g.noise_floor**2),
-        Step("sensor noise", "noise", g.noise_floor**2),
-    )
 
 
 def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edges | None:
@@ -253,15 +186,15 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     ]
 
 
-def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Finding]:
+def _findings(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
     sigma = uncertainty(fitted)
-    everything = frozenset(attribution.players)
+    everything = frozenset(taken.players)
     by = {
         (*t.candidate, t.parameter): float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
     }
     out = []
-    for name in (n for n in attribution.players if n in CATALOGUED):
-        own = list(attribution.players[name])
+    for name in (n for n in taken.players if n in CATALOGUED):
+        own = list(taken.players[name])
         index = [
             i
             for i, t in enumerate(fitted.terms)
@@ -291,9 +224,9 @@ def _findings(fitted: Fit, attribution: Attribution, shrunk: Gap) -> list[Findin
                 parameters=estimates,
                 rivals=rivals,
                 separate_by=separate,
-                gap_without=float(np.sqrt(attribution.chi2[everything - {name}])),
+                gap_without=float(np.sqrt(taken.chi2[everything - {name}])),
                 gap_with=shrunk.after,
-                share=attribution.share[name] / shrunk.before**2,
+                share=taken.share[name] / shrunk.before**2,
             )
         )
     return out

@@ -1,0 +1,79 @@
+"""What each effect found, and what else the best hypothesis has, takes off the gap on captures held out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import STAGES
+from analysis.gap.fit import Fit, Model
+from analysis.gap.shapley import Step, shares
+from analysis.gap.shrinkage import Gap, Images, Yardstick
+
+CATALOGUED = {name for names in STAGES.values() for name in names}
+PRESENT = 0.5
+UNKNOWN, UNCERTAIN = "outside the catalogue", "less certain causes"
+
+Told = Callable[[str, float], None]
+Cause = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Attribution:
+    """``players``: effects found, and what else is in the best hypothesis; ``chi2`` of every set of them on the
+    held-out captures, ``share``: what each takes off it (Shapley)."""
+
+    players: dict[str, tuple[Cause, ...]]
+    chi2: dict[frozenset[str], float]
+    share: dict[str, float]
+
+
+def attribution(
+    fitted: Fit, held: Sequence[Condition], by: Yardstick, before: Images, after: Images, told: Told
+) -> Attribution:
+    players: dict[str, tuple[Cause, ...]] = {}
+    for cause in fitted.best.causes:
+        sure = fitted.probability.get(cause, 0.0) >= PRESENT
+        name = (cause[0] if cause[0] in CATALOGUED else UNKNOWN) if sure else UNCERTAIN
+        players[name] = (*players.get(name, ()), cause)
+    chi2: dict[frozenset[str], float] = {}
+
+    def simulated(names: frozenset[str]) -> Sequence[np.ndarray]:
+        if not names:
+            return before
+        if len(names) == len(players):
+            return after
+        model = without(fitted, [c for n, causes in players.items() if n not in names for c in causes])
+        return [model.simulated(c) for c in held]
+
+    def closed(names: frozenset[str]) -> float:
+        chi2[names] = by.chi2(simulated(names))
+        told("shares", len(chi2) / 2 ** len(players))
+        return -chi2[names]
+
+    share = shares(list(players), closed)
+    return Attribution(players, chi2, share)
+
+
+def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
+    """The best model with some of its causes taken out; the others stay as they were fitted."""
+    out = np.array([t.candidate in causes for t in fitted.terms], bool)
+    before, after = fitted.before, fitted.after
+    return replace(
+        after, theta=np.where(out, before.theta, after.theta), at=np.where(out, before.at, after.at)
+    )
+
+
+def waterfall(g: Gap, attribution: Attribution) -> tuple[Step, ...]:
+    """From the scene file as written to noise; the steps add up to its mean χ²."""
+    effects = [
+        Step(n, "effect" if n in CATALOGUED else "unknown", s)
+        for n, s in sorted(attribution.share.items(), key=lambda x: -x[1])
+    ]
+    return (
+        Step("calibration within tolerances", "calibration", g.as_written**2 - g.before**2),
+        *effects,
+        Step("not explained", "rest", g.after**2 - g.noise_floor**2),
+        Step("sensor noise", "noise", g.noise_floor**2),
+    )
