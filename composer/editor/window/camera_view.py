@@ -163,14 +163,19 @@ class CameraView:
         """As large as it is shown while things move, in full when they rest."""
         width = camera.sensor.resolution[0]
         room = max(32, int(imgui.get_content_region_avail().x))
-        return camera if self.state.quiet or room >= width else camera.resized(room)
+        return camera if self._rests or room >= width else camera.resized(room)
+
+    @property
+    def _rests(self) -> bool:
+        """A view that opens shows a preview first."""
+        return self.state.quiet and self.shown is not None
 
     def _picture(self, camera: Camera) -> None:
         state = self.state
         if imgui.get_frame_count() < OVERVIEW_FIRST:
             return
         used = self._size(camera)
-        quiet = state.quiet
+        quiet = self._rests
         key = (
             state.scene_key,
             state.workspace.time,
