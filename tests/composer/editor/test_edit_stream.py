@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from composer.commands.edit import edit_from
 from composer.editor.live_camera import LiveCamera
 from composer.editor.workspace import Workspace
 
@@ -68,6 +69,13 @@ def test_an_edit_and_its_undoing_are_in_the_stream(workspace: Workspace, live: L
     assert waited(lambda: frame(live)[middle].mean() < black), "it is out of view"
     workspace.undo()
     assert waited(lambda: abs(frame(live)[middle].mean() / first[middle].mean() - 1) < 0.05)
+
+
+def test_lines_that_come_in_are_edits(workspace: Workspace, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = ["rename path=/World/Part name=Block\n", "undo\n", "ad_lamp\n", "redo\n", "\n"]
+    edit_from(lines, workspace)
+    assert [b.name for b in workspace.scene.bodies] == ["/World/Block"]
+    assert 'Did you mean "add_lamp"?' in capsys.readouterr().err
 
 
 def test_exposure_follows_the_document(workspace: Workspace, live: LiveCamera) -> None:
