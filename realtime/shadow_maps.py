@@ -92,7 +92,12 @@ class ShadowMaps:
         record = np.zeros((MAPS + 8 * len(frusta), 4))
         record[:MAPS] = sample.record
         tangent = max((f.tangent for f in frusta if f is not None), default=0.0)
-        record[SHADOW] = side, 1 / side, 2 * tangent / side, max(OFFSET * extent, self.offset)
+        record[SHADOW] = (
+            side,
+            1 / side,
+            2 * tangent / side,
+            -self.offset if self.offset > OFFSET * extent else OFFSET * extent,
+        )
         for i, frustum in enumerate(frusta):
             if frustum is not None:
                 record[REFERENCE, :3] = frustum.axis

@@ -41,6 +41,7 @@ def renderer(name: str, samples: int = 0) -> Iterator[tuple[Render, dict[str, An
             def drawn(
                 scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
             ) -> Image:
-                return rasterizer.render(scene, camera, passes, per_light, max(-(-samples // parts), LEAST))
+                own = samples if parts == 1 else max(-(-samples // parts), LEAST)
+                return rasterizer.render(scene, camera, passes, per_light, own)
 
             yield drawn, {"renderer": "rasterizer", "indirect": False, "samples": samples}

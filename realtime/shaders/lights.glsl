@@ -141,9 +141,11 @@ vec3 shaping(int k, vec3 l)
 // distance; the lamp's place, or light's direction.
 float seen(int k, vec3 p, vec3 facet)
 {
-    // texels a side, the inverse of those kept, world size of a texel (at unit depth), how far points stand off
+    // texels a side, the inverse of those kept, world size of a texel (at unit depth), least offset of depth; or,
+    // below 0, how far points stand off
     vec4 setting = RECORD(k, 7);
-    p += setting.w * facet;
+    p += max(-setting.w, 0.0) * facet;
+    float least = max(setting.w, 0.0);
 #if FACES == 6
     vec3 to = p - RECORD(k, 0).xyz, a = abs(to);
     int face = a.x >= a.y && a.x >= a.z ? (to.x > 0.0 ? 0 : 1) : a.y >= a.z ? (to.y > 0.0 ? 2 : 3) : (to.z > 0.0 ? 4 : 5);
@@ -158,7 +160,7 @@ float seen(int k, vec3 p, vec3 facet)
     vec2 slope = vec2(dot(MAP_RECORD(k, m + 4).xyz, facet), dot(MAP_RECORD(k, m + 5).xyz, facet));
 #ifdef MODE_DIRECTION
     float height = -dot(MAP_RECORD(k, m + 6).xyz, facet);
-    float depth = dot(MAP_RECORD(k, m + 2), q) + 0.2 * setting.z * MAP_RECORD(k, m + 6).w / height;
+    float depth = dot(MAP_RECORD(k, m + 2), q) + (0.2 * setting.z + least) * MAP_RECORD(k, m + 6).w / height;
     slope /= height;
     bool outside = false;
 #else
@@ -169,7 +171,7 @@ float seen(int k, vec3 p, vec3 facet)
     vec3 place = MAP_RECORD(k, m + 6).xyz;
 #endif
     float height = dot(place - p, facet);
-    float near = MAP_RECORD(k, m + 4).w / max(height - 0.2 * setting.z * w, 0.1 * height);
+    float near = MAP_RECORD(k, m + 4).w / max(height - 0.2 * setting.z * w - least, 0.1 * height);
     float depth = near * height / w;
     slope *= near;
     c /= w;
