@@ -47,6 +47,9 @@ def spread(
             half = max(half, halves[node[i], j], halves[min(node[i] + 1, len(rows) - 1), j])
         k = 2 * half + 1
         padded = (k * k + 7) // 8 * 8
+        # rows are added eight at a time: those behind the last one have no weight, and must hold numbers all the same
+        behind = (out.shape[0] + 2 * half) * k * CHUNK
+        shifted[behind : behind + 8 * CHUNK] = 0
         for i in range(out.shape[0]):
             for s in range(k):  # the source row start + i - half + s sends its light by v = half - s
                 above, t = node[middle + i - half + s], share[middle + i - half + s]
