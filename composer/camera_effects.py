@@ -24,22 +24,24 @@ def camera_effects(camera: Camera) -> Description:
     if sensor.gain_dB:
         found["gain"] = f"{sensor.gain_dB:g} dB"
     for name, model in sorted(MODELS.items(), key=lambda item: (item[1].stage, item[1].order)):
-        if name not in TOLD and (words := _words(model.of(camera))):
-            found[name] = words
+        effect = model.of(camera)
+        if name not in TOLD and effect.is_there and (said := words(effect)):
+            found[name] = said
     return found
 
 
-def _words(effect: Any) -> str:
-    declared, default, words = parameters(effect), type(effect)(), []
-    for f in fields(effect):
-        value = getattr(effect, f.name)
-        if not effect.is_there or value == getattr(default, f.name):
+def words(model: Any) -> str:
+    """What differs from the defaults of declared parameters: symbol, value and unit; a switch by its name."""
+    declared, default, found = parameters(model), type(model)(), []
+    for f in fields(model):
+        value = getattr(model, f.name)
+        if value == getattr(default, f.name):
             continue
         if (about := declared.get(f.name)) is None:
-            words.append(_value(value))
+            found.append(f.name if value is True else _value(value))
         else:
-            words.append(f"{about.symbol} {_value(value)}{'' if about.unit == '1' else ' ' + about.unit}")
-    return ", ".join(words)
+            found.append(f"{about.symbol} {_value(value)}{'' if about.unit == '1' else ' ' + about.unit}")
+    return ", ".join(found)
 
 
 def _value(value: Any) -> str:

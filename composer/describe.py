@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from composer.aligned import Description
-from composer.camera_effects import camera_effects
+from composer.camera_effects import camera_effects, words
 from interchange.camera import Camera, Projection
 from interchange.colorimetry import chromaticity, luminous_efficacy, xyz
 from interchange.distortion import NAMES
@@ -173,6 +173,7 @@ def _light(light: Light) -> Description:
         "extent_mm": {name: 1000 * getattr(light, name) for name in sizes},
         "position_mm": list(np.round(1000 * light.world_from_light[:3, 3], 6) + 0.0) if placed else None,
         "shaping": ", ".join(shaped),
+        "strobe": words(light.strobe) if light.strobe.is_there else "",
     }
 
 

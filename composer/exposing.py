@@ -12,6 +12,7 @@ from interchange.formats import emva_sheet, images
 from interchange.image import Image, Quantity
 from interchange.parameter import parameters
 from interchange.problems import BrightfieldError, did_you_mean
+from interchange.shutter import Shutter
 
 if TYPE_CHECKING:
     from interchange.effects import Effect
@@ -57,6 +58,14 @@ def digital(image: Image, args: argparse.Namespace, frame: str = "") -> Image:
     effects = tuple(effect_of(words) for words in args.effect)
     rng = np.random.default_rng([args.noise_seed, zlib.crc32(frame.encode())])
     return expose(image, camera, args.exposure, args.gain, None if args.noise_free else rng, effects=effects)
+
+
+def shutter(args: argparse.Namespace) -> Shutter:
+    """What the options say of the exposure: a rendering must know it where lamps flash."""
+    from interchange.effects.rolling_shutter import RollingShutter
+
+    rolling = [e for e in map(effect_of, args.effect) if isinstance(e, RollingShutter)]
+    return Shutter(args.exposure, rolling[-1].line_time if rolling else None)
 
 
 def effect_of(words: list[str]) -> "Effect":

@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from interchange.camera import Camera
@@ -12,6 +12,7 @@ from interchange.formats import exr
 from interchange.formats.document import Document
 from interchange.image import check_passes
 from interchange.problems import BrightfieldError
+from interchange.shutter import Shutter
 from realtime.renderers.rasterizer import GIVES, Rasterizer
 
 Told = Callable[[int, int, float | None], None]  # done, total, seconds left
@@ -26,6 +27,7 @@ def render_live(
     passes: Sequence[str],
     per_light: bool,
     width: int,
+    shutter: Shutter,
     told: Told,
 ) -> list[Path]:
     """Rasterise every camera at every time code; frames that are there, of this very job, are skipped.
@@ -42,7 +44,16 @@ def render_live(
         scene = None
         for camera in cameras:
             out = name(camera.name, time_code)
-            job = [document.digest, camera.name, time_code, samples, sorted(passes), per_light, width]
+            job = [
+                document.digest,
+                camera.name,
+                time_code,
+                samples,
+                sorted(passes),
+                per_light,
+                width,
+                asdict(shutter),
+            ]
             key = hashlib.sha256(json.dumps(job).encode()).hexdigest()
             done += 1
             if is_finished(out, key):
@@ -50,7 +61,7 @@ def render_live(
                 continue
             scene = scene or document.scene(time_code)
             after = document.scene(document.following(time_code)) if "motion" in passes else None
-            now = scene.camera(camera.name)
+            now = shutter.on(scene.camera(camera.name))
             if width:
                 now = now.resized(width)
                 if after is not None:

@@ -109,10 +109,16 @@ class Camera:
         (w, h), (px, py) = self.sensor.resolution, self.sensor.pixel_pitch
         height = max(1, round(h * width / w))
         sx, sy = width / w, height / h
+        line_time = self.sensor.line_time / sy  # the read-out takes as long
         cx, cy = self.principal_point or ((w - 1) / 2, (h - 1) / 2)
         return replace(
             self,
-            sensor=replace(self.sensor, resolution=(width, height), pixel_pitch=(px / sx, py / sy)),
+            sensor=replace(
+                self.sensor,
+                resolution=(width, height),
+                pixel_pitch=(px / sx, py / sy),
+                line_time=line_time,
+            ),
             principal_point=((cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5),
         )
 

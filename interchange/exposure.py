@@ -22,6 +22,7 @@ from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.exposure import Exposure
 from interchange.effects.mosaic import Mosaic as MosaicEffect
 from interchange.image import Image, Quantity
+from interchange.lamps.exposed import check_shutter
 from interchange.problems import BrightfieldError
 from interchange.sensor import Mosaic, Sensor
 from interchange.steps import Function, Step, in_order
@@ -49,7 +50,8 @@ def expose(
 
     Returns (H, W, 3), or (H, W, 1) from a monochrome or raw mosaic sensor, float32; DN are whole numbers. The same
     arguments and the same state of ``rng`` give the same numbers, whatever the number of threads. Raises
-    BrightfieldError where a camera is missing, does not fit the image, or cannot be.
+    BrightfieldError where a camera is missing, does not fit the image, or cannot be, and where lamps that flash were
+    drawn for another exposure.
     """
     camera = camera or image.camera
     if camera is None:
@@ -70,6 +72,7 @@ def expose(
         )
     if not camera.t_exp >= 0:
         raise BrightfieldError(f"An exposure time must not be negative; got {camera.t_exp:g} s.")
+    check_shutter(image, camera)
     out = Image(
         pixels=np.ascontiguousarray(image.pixels, np.float32),
         quantity=Quantity.RADIANCE,

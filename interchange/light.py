@@ -22,6 +22,8 @@ upright for whoever looks into the lamp with +y up: its top-left pixel lies at (
 
 Shaping (UsdLux 24.11): a cone around -z, ``focus``, and a measured profile or a projected image multiply the
 emission by a factor that depends on its direction in the light's frame, ``shaping``.
+
+``intensity`` is that of the lamp while it is on all the time; a ``strobe`` says when it is.
 """
 
 from dataclasses import dataclass, field
@@ -32,6 +34,7 @@ import numpy as np
 from interchange.material import Texture
 from interchange.problems import Where
 from interchange.projector import Projector
+from interchange.strobe import Strobe
 
 Color = tuple[float, float, float]
 
@@ -102,6 +105,7 @@ class Light:
     profile_angle_scale: float = 0.0
     projector: Projector | None = None  # instead of a profile; of a sphere without extent
     texture: Texture | None = None  # rect: over the face; dome: latitude-longitude
+    strobe: Strobe = Strobe()  # noqa: RUF009  frozen
     casts_shadows: bool = True
     visible: bool = False  # seen by the camera itself
     where: Where = field(default=Where(), compare=False)

@@ -32,6 +32,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     cameras: tuple[Camera, ...] = ()
     time: float = 0.0  # time code
+    seconds: float = 0.0  # s: when an exposure of it begins, by the clock that strobes go by
     source: str = ""  # file
     digest: str = ""  # SHA-256 of the file and of all it refers to
 

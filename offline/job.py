@@ -11,6 +11,7 @@ from typing import Any
 from interchange.formats.base import Options
 from interchange.image import Image
 from interchange.problems import BrightfieldError
+from interchange.shutter import Shutter
 from offline.renderers.cycles import Cycles
 from offline.settings import CyclesSettings
 
@@ -30,6 +31,7 @@ class FrameJob:
     width: int = 0  # px; 0 leaves the camera's own resolution
     next_time: float | None = None  # the time code after this one, for pass motion
     options: Options = field(default_factory=Options)
+    shutter: Shutter = field(default_factory=Shutter)
     timeout: float | None = None  # s
     memory: int = 0  # bytes
 
@@ -88,7 +90,7 @@ class Bench:
             document = self.opened[1]
             scene = document.scene(job.time)
             after = document.scene(job.next_time) if job.next_time is not None else None
-            camera = scene.camera(job.camera)
+            camera = job.shutter.on(scene.camera(job.camera))
             if job.width:
                 camera = camera.resized(job.width)
                 if after is not None:

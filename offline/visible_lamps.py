@@ -44,6 +44,7 @@ def add(arrays: dict[str, np.ndarray], scene: Scene, camera: Camera) -> None:
         if "light" in arrays:
             arrays["light"][:, rows, columns] *= keep
             arrays["light"][k, rows, columns] += (radiance * share).astype(np.float32)
+            arrays["light_indirect"][:, rows, columns] *= keep
 
 
 def _window(light: Light, camera: Camera) -> tuple[slice, slice]:

@@ -1,6 +1,7 @@
 """One image in the making: passes over the bodies, each lit from one point (or a few) of every lamp."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from realtime.schedule import schedule
 from realtime.shadow_fit import Visible
 from realtime.shadow_maps import BUDGET
 from realtime.stages import Stages
+from realtime.target import Target
 from realtime.through import LIVE, STILL, Through
 from realtime.view import has_depth_of_field, view
 
@@ -40,6 +42,7 @@ class Frame:
     ) -> None:
         self.stages, self.scene, self.camera = stages, scene, camera
         self.lights = [light for light in scene.lights if light.is_on]
+        self.shown = [light for light in scene.lights if light.visible]  # one that is off is black, and hides
         self.size = camera.sensor.resolution
         self.lensmap = lensmap(camera)
         self.blurred = has_depth_of_field(camera)
@@ -53,7 +56,7 @@ class Frame:
             and (self.lensmap is None or self.bend is not None)
             and bool(scene.bodies)
             and not stages.table.textured
-            and not any(light.visible for light in scene.lights)
+            and not self.shown
         )
         self.side = shadow_side or fitted_side(max(self.size), samples > LIVE_SAMPLES, len(self.lights))
         self.visible = self._visible()
@@ -77,7 +80,9 @@ class Frame:
         for k in range(plan.passes):
             drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k], self.bend)
             self._begin(drawn, k)
-            self._own_light()
+            if alone:
+                self._own_light_by_lamp(own, weight)
+            self._own_light(lamps_too=not alone)
             if alone:
                 self.stages.lighting.resolve(total.framebuffer, weight)
             for chunk in chunks(list(self._points_of_pass(k)), alone):
@@ -108,10 +113,18 @@ class Frame:
         else:
             self.stages.lighting.begin(buffer, drawn)
 
-    def _own_light(self) -> None:
+    def _own_light_by_lamp(self, own: dict[str, Target], weight: float) -> None:
+        """Each lamp that the camera sees into its own image: the others hide it, and are dark."""
+        for light in self.shown:
+            if light.is_on:
+                others = [x if x is light else replace(x, intensity=(0.0, 0.0, 0.0)) for x in self.shown]
+                self.stages.lighting.show(others, self.origin)
+                self.stages.lighting.resolve(own[light.name].framebuffer, weight)
+
+    def _own_light(self, lamps_too: bool = True) -> None:
         """What shines into the camera by itself: lamps that it sees, and surfaces."""
-        if any(light.visible for light in self.lights):
-            self.stages.lighting.show(self.lights, self.origin)
+        if lamps_too and self.shown:
+            self.stages.lighting.show(self.shown, self.origin)
         if self.stages.table.emits:
             self.stages.lighting.add([], [])
 

@@ -224,6 +224,11 @@ def _candidates(
         raise BrightfieldError(
             f"A plan needs a scene with a camera and a lamp; it has no {what}. ({document.path})"
         )
+    if flashing := [x.name for x in first.lights if x.strobe.is_there]:
+        raise BrightfieldError(
+            f"A plan chooses exposures, of which lamps that are always on get all; {flashing[0]} flashes. "
+            f"({document.path})"
+        )
     brightest: dict[str, Light] = {}
     for scene in scenes.values():
         for light in scene.lights:

@@ -12,6 +12,7 @@ from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects import Effect
 from interchange.formats.document import Document
+from interchange.lamps.exposed import exposed
 from interchange.problems import BrightfieldError, FileError, Problem
 from interchange.scene import Scene
 
@@ -107,6 +108,7 @@ def conditions(captures: Captures, document: Document) -> list[Condition]:
             continue
         gain = camera.sensor.gain_dB if capture.gain_dB is None else capture.gain_dB
         camera = replace(camera, t_exp=capture.exposure, sensor=replace(camera.sensor, gain_dB=gain))
+        scene = _steady(scene, camera)
         lights = tuple((x.name, x.intensity, x.world_from_light.tobytes()) for x in scene.lights)
         bodies = tuple((id(b.mesh), b.world_from_body.tobytes(), b.material.name) for b in scene.bodies)
         key = (
@@ -124,6 +126,17 @@ def conditions(captures: Captures, document: Document) -> list[Condition]:
         raise FileError(problems)
     found = [_condition(tuple(members), *stands[key]) for key, members in groups.items()]
     return _split(found, captures.holdout)
+
+
+def _steady(scene: Scene, camera: Camera) -> Scene:
+    """The scene with lamps that flash as bright as the capture has them."""
+    lit, rows = exposed(scene, camera)
+    if rows:
+        raise BrightfieldError(
+            f"A diagnosis takes a lamp as alike in all rows of a capture; the rolling shutter of {camera.name} "
+            f"({camera.sensor.line_time:g} s a line) shows flashes of {next(iter(rows))} as bands."
+        )
+    return lit
 
 
 def _condition(members: tuple[Capture, ...], scene: Scene, camera: Camera) -> Condition:

@@ -3,7 +3,7 @@
 | prim     | groups                                                                                           |
 |----------|--------------------------------------------------------------------------------------------------|
 | camera   | ``pose``, ``own``, ``lens``, ``sensor`` (with ``t_exp``), every effect that a camera carries      |
-| lamp     | its own (``intensity``, sizes, beam), ``pose``, ``own``, every effect on lamps                    |
+| lamp     | its own (``intensity``, sizes, beam), ``pose``, ``own``, ``strobe``, every effect on lamps        |
 | object   | ``pose`` (about the middle of its box), ``own``                                                  |
 | material | its own (its BRDF's parameters, ``emission``, ``opacity``), every effect on materials             |
 
@@ -26,6 +26,7 @@ from interchange.material import Material
 from interchange.parameter import Kind, Parameter, freeze, parameter, parameters
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
+from interchange.strobe import Strobe
 
 Changes = Mapping[str, Any]
 
@@ -180,7 +181,11 @@ def of_light(light: Light) -> dict[str, Group]:
     def own(scene: Scene, p: Pose) -> Scene:
         return change(scene, lambda x: replace(x, world_from_light=p.in_own(x.world_from_light)))
 
+    def strobe(scene: Scene, new: Changes) -> Scene:
+        return change(scene, lambda x: replace(x, strobe=replace(x.strobe, **new)))
+
     groups = {"": Group(values, declared, numbers)}
+    groups["strobe"] = Group(_values(light.strobe), parameters(Strobe), strobe)
     if light.kind is not LightKind.DOME:
         groups |= {"pose": _posed(pose), "own": _posed(own)}
     words = ("light_intensity", "light_size", "light_beam", "light_spectrum")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from composer.beside import split_lamps, write_preview
-from composer.exposing import SUFFIXES, add_exposure_options, digital, write_digital
+from composer.exposing import SUFFIXES, add_exposure_options, digital, shutter, write_digital
 from composer.frames import choose_cameras, file_name, parse_frames
 from composer.progress import progress_line
 from composer.reading import add_reading_options, options_from
@@ -122,8 +122,8 @@ def _render(
 
     samples = args.samples or 16
     render_live(
-        document, cameras, times, name, samples, args.passes, args.per_light, args.width, progress_line
-    )
+        document, cameras, times, name, samples, args.passes, args.per_light, args.width, shutter(args), progress_line
+    )  # fmt: skip
     return 0
 
 
@@ -153,7 +153,7 @@ def _offline(
         args.width,
         options_from(args),
     )
-    jobs = [replace(job, timeout=args.timeout) for job in jobs]
+    jobs = [replace(job, timeout=args.timeout, shutter=shutter(args)) for job in jobs]
     print(
         "Every BRDF is path-traced by its own formula: no closure is fitted, the residual is 0.",
         file=sys.stderr,

@@ -17,6 +17,7 @@ from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.parameter import Kind, Parameter, parameters, settings
 from interchange.sensor import Demosaic, Mosaic, Response, Sensor
+from interchange.strobe import Strobe
 
 SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("°", 180 / np.pi)}  # the unit that people use
 PITCH = ("µm", 1e6)
@@ -176,7 +177,18 @@ def of_light(light: Light) -> list[Field]:
             ),
             Field("Beam", "focus", "focus", light.focus, Widget.NUMBER, "", "", 1, 0, 1e3, "cos^focus fall-off", lux),
         ]  # fmt: skip
+    for name, about in parameters(Strobe).items():
+        value = getattr(light.strobe, name)
+        found.append(_field("Strobe", f"strobe.{name}", about, value, "interchange/strobe.py"))
     found += [
+        Field(
+            "Strobe",
+            "strobe.triggered",
+            "triggered",
+            light.strobe.triggered,
+            Widget.SWITCH,
+            meaning="the clock begins with each exposure, not with the scene",
+        ),
         Field("Seen", "casts_shadows", "casts shadows", light.casts_shadows, Widget.SWITCH),
         Field(
             "Seen", "visible", "seen by cameras", light.visible, Widget.SWITCH, meaning="as a backlight is"

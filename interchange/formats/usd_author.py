@@ -286,6 +286,8 @@ def author_light(stage: Usd.Stage, path: str, light: Light) -> Any:
             shaping.CreateShapingIesAngleScaleAttr(light.profile_angle_scale)
     if light.projector is not None:
         usd_lamp.author_projector(prim, light.projector, light.name)
+    if light.strobe.is_there:
+        usd_lamp.author_strobe(prim, light.strobe)
     if light.visible:
         prim.GetPrim().CreateAttribute("lamp:visible", Sdf.ValueTypeNames.Bool, custom=True).Set(True)
     if not light.casts_shadows:
@@ -345,7 +347,8 @@ def author_scene(scene: Scene, meters_per_unit: float = 0.001, frames: Sequence[
         bind(prim, materials[id(material)])
         prims[0].append(prim)
     for light in scene.lights:
-        prims[1].append(author_light(stage, free_path(stage, "/World", light.name.rsplit("/", 1)[-1]), light))
+        path = free_path(stage, "/World", light.name.rsplit("/", 1)[-1])
+        prims[1].append(author_light(stage, path, usd_lamp.by_stage_time(light, scene.seconds)))
     for camera in scene.cameras:
         prims[2].append(
             author_camera(stage, free_path(stage, "/World", camera.name.rsplit("/", 1)[-1]), camera)
@@ -358,7 +361,7 @@ def _author_frames(stage: Usd.Stage, scenes: list[Scene], prims: list[list[Any]]
     if len(scenes) > 1:
         stage.SetStartTimeCode(0)
         stage.SetEndTimeCode(len(scenes) - 1)
-        stage.SetTimeCodesPerSecond(1)
+        stage.SetTimeCodesPerSecond(usd_lamp.frame_rate(scenes))
     for i, prim in enumerate(prims[0]):
         poses = [s.bodies[i].world_from_body for s in scenes]
         _author_poses(stage, prim, poses)

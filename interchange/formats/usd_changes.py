@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from interchange.brdf.sum import Sum
 from interchange.camera import Camera
-from interchange.formats import usd_sensor
+from interchange.formats import usd_lamp, usd_sensor
 from interchange.formats.usd_author import (
     TYPES,
     author_brdf,
@@ -166,6 +166,13 @@ def _light(stage: Usd.Stage, name: str, pairs: Sequence[tuple[float, Light, Ligh
         api.CreateShapingConeSoftnessAttr(after.cone_softness)
         api.CreateShapingFocusAttr(after.focus)
         api.CreateShapingFocusTintAttr(Gf.Vec3f(*after.focus_tint))
+    for field, attribute in usd_lamp.STROBE.items():
+        values = [(t, getattr(b.strobe, field)) for t, _, b in pairs]
+        if any(
+            getattr(a.strobe, field) != value for (_, a, _), (_, value) in zip(pairs, values, strict=True)
+        ):
+            usd_lamp.author_strobe(prim, after.strobe)
+            put(prim, attribute, usd_lamp.strobe_type(field), values)
     if before.casts_shadows != after.casts_shadows:
         UsdLux.ShadowAPI.Apply(prim).CreateShadowEnableAttr(after.casts_shadows)
     normalized = bool(prim.GetAttribute("inputs:normalize").Get())

@@ -4,6 +4,7 @@ What is written is the attribute that the reader takes the number from; the unit
 An animated attribute gets a new sample at the time given.
 """
 
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any
 
@@ -13,7 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 from interchange.brdf import BY_NAME, Brdf
 from interchange.brdf.usd_preview_surface import UsdPreviewSurface
 from interchange.camera import Camera, Projection
-from interchange.formats import usd_sensor
+from interchange.formats import usd_lamp, usd_sensor
 from interchange.formats.usd_author import TYPES, author_brdf, usd_value
 from interchange.formats.usd_edit_prims import prim_at
 from interchange.formats.usd_preview import preview_of
@@ -26,12 +27,14 @@ PREVIEW_FIELDS = {"emission": "emissiveColor", "opacity": "opacity", "opacity_th
 LIGHT_FIELDS = (
     "intensity", "color", "radius", "width", "height", "length", "angle", "cone_angle", "cone_softness", "focus",
     "casts_shadows", "visible", "power", "flux", "spectrum", "profile", "texture",
+    *(f"strobe.{field}" for field in usd_lamp.STROBE),
 )  # fmt: skip
 
 
 def set_light(stage: Usd.Stage, light: Light, name: str, value: Any, time: float | None) -> None:
     """``name``: a field of ``Light``; or intensity (of the brightest channel), color (relative), power (W), flux (lm),
-    spectrum (a name). ``profile`` and ``texture`` take a file's path."""
+    spectrum (a name). ``profile`` and ``texture`` take a file's path; ``strobe.duration``
+    and the like are the strobe's."""
     prim = prim_at(stage, light.name)
     unit = UsdGeom.GetStageMetersPerUnit(stage)
 
@@ -86,6 +89,13 @@ def set_light(stage: Usd.Stage, light: Light, name: str, value: Any, time: float
             other = "lamp:flux" if name == "power" else "lamp:power"
             prim.RemoveProperty(other)
             _put(prim, f"lamp:{name}", NAMES.Double, float(value), time)
+        case _ if name in LIGHT_FIELDS and name.startswith("strobe."):
+            field = name.removeprefix("strobe.")
+            strobe = replace(light.strobe, **{field: value})  # checks it
+            if not prim.HasAttribute(usd_lamp.STROBE["duration"]):
+                usd_lamp.author_strobe(prim, light.strobe)
+            kind = usd_lamp.strobe_type(field)
+            _put(prim, usd_lamp.STROBE[field], kind, getattr(strobe, field), time)
         case "spectrum":
             if value:
                 _put(prim, "lamp:spectrum", NAMES.String, str(value), None)

@@ -1,9 +1,11 @@
-"""What UsdLux has no words for, as custom attributes of a light: its power, its spectrum, a projector's lens and image.
+"""What UsdLux has no words for, as custom attributes of a light: power, spectrum, strobe, a projector's lens and
+image.
 
 Other software sees a UsdLux light with its ``inputs:intensity``; README.md of ``interchange`` lists the attributes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,17 @@ from interchange.formats.usd_values import Finder, asset
 from interchange.illuminants import illuminant
 from interchange.light import Light
 from interchange.material import Texture
+from interchange.parameter import ParameterError
 from interchange.power import WHITE, with_power
 from interchange.problems import BrightfieldError, FileError, did_you_mean
 from interchange.projector import Projector
+from interchange.scene import Scene
 from interchange.spectrum import Spectrum, from_measurement
+from interchange.strobe import Strobe
 
 NAMES = Sdf.ValueTypeNames
 SPACES = ("auto", "raw", "sRGB")
+STROBE = {f.name: f"lamp:strobe:{f.name}" for f in fields(Strobe)}
 
 
 def read_power(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, light: Light) -> Light:
@@ -65,6 +71,58 @@ def read_spectrum(prim: Usd.Prim, time: Usd.TimeCode, find: Finder) -> Spectrum 
 
         return from_measurement(measurements.read(file), name or "")
     return illuminant(name) if name else None
+
+
+def read_strobe(prim: Usd.Prim, time: Usd.TimeCode, find: Finder) -> Strobe:
+    """The strobe that ``lamp:strobe:*`` describe; one that is not there where none is authored."""
+    names = [n for n in prim.GetAuthoredPropertyNames() if n.startswith("lamp:strobe:")]
+    for name in names:
+        if name not in STROBE.values():
+            find.error(f"{name} is not known.{did_you_mean(name, STROBE.values())}", prim, name)
+    given = {field: find.value(prim, name, time) for field, name in STROBE.items()}
+    given = {field: value for field, value in given.items() if value is not None}
+    if given and "duration" not in given:
+        find.error("A strobe needs lamp:strobe:duration, s; 0 is a lamp that is always on.", prim)
+        return Strobe()
+    try:
+        return Strobe(**given)
+    except ParameterError as error:
+        wrong = next((n for f, n in STROBE.items() if f"Strobe.{f} " in str(error)), "")
+        find.error(str(error), prim, wrong)
+        return Strobe()
+
+
+def author_strobe(prim: Any, strobe: Strobe) -> None:
+    """The attributes that ``read_strobe`` reads, without those that are the default."""
+    for field, name in STROBE.items():
+        value = getattr(strobe, field)
+        if field == "duration" or value != getattr(Strobe(), field):
+            prim.GetPrim().CreateAttribute(name, strobe_type(field), custom=True).Set(value)
+
+
+def strobe_type(field: str) -> Any:
+    return NAMES.Bool if field == "triggered" else NAMES.Double
+
+
+def by_stage_time(light: Light, seconds: float) -> Light:
+    """The lamp, its flashes counted from the stage's first time code on."""
+    strobe = light.strobe
+    if strobe.triggered or not seconds:
+        return light
+    return replace(light, strobe=replace(strobe, start=strobe.start - seconds))
+
+
+def frame_rate(scenes: Sequence[Scene]) -> float:
+    """Time codes a second. Raises BrightfieldError where lamps flash by a time that no one rate gives."""
+    steps = np.diff([s.seconds for s in scenes])
+    if steps[0] > 0 and np.allclose(steps, steps[0], rtol=1e-9, atol=0):
+        return float(1 / steps[0])
+    if flashing := [x.name for x in scenes[0].lights if x.strobe.is_there and not x.strobe.triggered]:
+        raise BrightfieldError(
+            f"Frames with a lamp that flashes must follow each other at equal steps of Scene.seconds to be written as "
+            f"USD; {flashing[0]} flashes."
+        )
+    return 1.0
 
 
 def read_projector(

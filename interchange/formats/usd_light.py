@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
-from interchange.formats.usd_lamp import read_power, read_projector
+from interchange.formats.usd_lamp import read_power, read_projector, read_strobe
 from interchange.formats.usd_values import Finder, asset, rigid
 from interchange.frames import z_up_from_y_up
 from interchange.light import Light, LightKind, Profile
@@ -112,6 +112,7 @@ def read_light(
         profile_angle_scale=angle_scale,
         texture=face,
         projector=shown,
+        strobe=read_strobe(prim, time, find),
         casts_shadows=shadow is not False,
         visible=bool(find.value(prim, "lamp:visible", time)),
         where=find.where(prim),

@@ -63,11 +63,20 @@ class SceneReader:
         code = Usd.TimeCode(time)
         walk = _Walk(self, code, find)
         walk.below(self.stage.GetPseudoRoot(), self.world_from_stage, "")
+        rate = self.stage.GetTimeCodesPerSecond()
+        strobed = any(x.strobe.is_there and not x.strobe.triggered for x in walk.lights)
+        if strobed and not (np.isfinite(rate) and rate > 0):
+            find.error(
+                f"timeCodesPerSecond must be above 0 where a lamp flashes; got {rate:g}.",
+                self.stage.GetPseudoRoot(),
+                "timeCodesPerSecond",
+            )
         scene = Scene(
             bodies=tuple(walk.bodies),
             lights=tuple(walk.lights),
             cameras=tuple(walk.cameras),
             time=time,
+            seconds=time / rate if rate else 0.0,
             source=self.file,
             digest=self.digest,
         )

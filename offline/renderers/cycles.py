@@ -17,6 +17,7 @@ import numpy as np
 
 from interchange.camera import Camera
 from interchange.image import Image, check_passes
+from interchange.lamps.exposed import banded, exposed, shutter_of
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from offline import visible_lamps
@@ -78,12 +79,19 @@ class Cycles:
         asked = check_passes(list(passes))
         per_light = per_light or "light" in asked
         check(scene, asked, next_scene)
+        made_for = shutter_of(scene, camera)
+        scene, rows = exposed(scene, camera)
+        wanted = list(asked)
+        if rows and "direct" in asked:
+            wanted.append("indirect")
+        one_by_one = per_light or bool(rows)
         centres = bool(TRUTH & set(asked)) or any(x.visible for x in scene.lights)
-        job = Job(replace(scene, cameras=()), camera, settings, centres, "lit" in asked, per_light)
+        job = Job(replace(scene, cameras=()), camera, settings, centres, "lit" in asked, one_by_one)
         arrays, reply = self._arrays(job) if is_native(camera) else self._through_lens(job)
         visible_lamps.add(arrays, scene, camera)
-        image_passes = assemble(arrays, scene, camera, asked, per_light, next_scene)
+        image_passes = assemble(arrays, scene, camera, wanted, one_by_one, next_scene)
         made_by: dict[str, Any] = {
+            **made_for,
             "renderer": self.name,
             "version": reply.version,
             "settings": settings.as_dict(),
@@ -95,7 +103,7 @@ class Cycles:
             "seconds": {**reply.seconds, "all": time.perf_counter() - began},
             "brdf_residual": {m: 0.0 for m in scene.material_names},  # exact by construction
         }
-        return Image(
+        image = Image(
             pixels=arrays["pixels"],
             camera=camera,
             made_by=made_by,
@@ -103,6 +111,7 @@ class Cycles:
             object_names=scene.object_names,
             material_names=scene.material_names,
         )
+        return banded(image, rows, [*asked, *(["light"] if per_light else [])])
 
     def _arrays(self, job: Job) -> tuple[dict[str, np.ndarray], Reply]:
         reply = self._ask(job)

@@ -15,6 +15,7 @@ import moderngl
 
 from interchange.camera import Camera
 from interchange.image import PASSES, Image, Quantity, check_passes
+from interchange.lamps.exposed import banded, exposed, shutter_of
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from realtime.context import headless_context, reversed_depth
@@ -70,7 +71,10 @@ class Rasterizer:
         ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
         a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
         """
-        wanted = wanted_passes(passes, per_light, next_scene)
+        asked = wanted_passes(passes, per_light, next_scene)
+        made_for = shutter_of(scene, camera)
+        scene, rows = exposed(scene, camera)
+        wanted = tuple(dict.fromkeys([*asked, "light"])) if rows else asked
         if samples < 1:
             raise BrightfieldError(f"A pixel must have at least one sample; got {samples}.")
         if shading not in ("sample", "pixel"):
@@ -108,10 +112,12 @@ class Rasterizer:
             "scene": scene.digest,
             "time": scene.time,
             "gl": self.gl,
+            **made_for,
         }
-        return Image(
+        image = Image(
             pixels, Quantity.RADIANCE, camera, made_by, found, scene.object_names, scene.material_names
         )
+        return banded(image, rows, asked)
 
     def release(self) -> None:
         """Give all memory of the GPU back; the object is of no use afterwards."""

@@ -41,7 +41,8 @@ class TimeLine:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The scene at ``seconds`` since the start, and what its joints (rad, m), belts (m) and encoders showed."""
+    """The scene at ``seconds`` since the start, by which its strobes go too, and what its joints (rad, m), belts (m)
+    and encoders showed."""
 
     scene: Scene
     seconds: float
@@ -123,7 +124,7 @@ class MovingScene:
                 cameras=tuple(_camera_placed(c, cameras, moved) for c in scene.cameras),
             )
         return Moment(
-            scene,
+            replace(scene, seconds=seconds) if any(x.strobe.is_there for x in scene.lights) else scene,
             seconds,
             joints,
             {n: c.position(seconds) for n, c in belts.items()},

@@ -4,21 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from interchange.camera import Camera, Lens, Sensor
 from interchange.exposure import responsivity
-from interchange.formats.usd_author import author_scene
-from interchange.formats.usd_read import SceneReader
 from interchange.frames import look_at
 from interchange.lamps import composite
 from interchange.lamps.placing import total_power
-from interchange.lamps.strobe import Strobe, strobed, strobed_series
-from interchange.light import Light, LightKind, Profile
+from interchange.light import Profile
 from interchange.power import emitted_power
 from interchange.problems import BrightfieldError
-from interchange.scene import Scene
 
 theta = np.radians(np.linspace(0, 90, 91))
 NARROW = Profile(np.zeros(1), theta, np.cos(theta)[None] ** 20)
@@ -92,39 +86,3 @@ def test_coaxial_light_runs_along_the_cameras_axis_both_ways() -> None:
         behind = composite.through_splitter(camera, 0.6)
         ratio = np.array(responsivity(behind.lens, behind.sensor)) / responsivity(camera.lens, camera.sensor)
         assert ratio == pytest.approx(0.6)
-
-
-@given(start=st.floats(-1, 1), duration=st.floats(0, 1), t0=st.floats(-1, 1), t_exp=st.floats(0.01, 1))
-def test_a_strobes_share_is_its_overlap(start: float, duration: float, t0: float, t_exp: float) -> None:
-    overlap = max(0.0, min(start + duration, t0 + t_exp) - max(start, t0))
-    assert float(Strobe(start, duration).share(t_exp, t0)) == pytest.approx(overlap / t_exp, abs=1e-9)
-
-
-def test_flashes_that_repeat_add_up() -> None:
-    strobe = Strobe(0.001, 0.0002, period=0.001, overdrive=5.0)
-    assert float(strobe.share(0.010, 0.0)) == pytest.approx(1.0)  # 20 % of the time, five times as bright
-    single = sum(float(Strobe(0.001 * k, 0.0002, overdrive=5.0).share(0.0033, 0.0005)) for k in range(-3, 9))
-    assert float(strobe.share(0.0033, 0.0005)) == pytest.approx(single)
-    with pytest.raises(BrightfieldError, match="over before the next"):
-        Strobe(0, 0.2, period=0.1)
-
-
-def test_a_rolling_shutters_rows_see_parts_of_a_flash() -> None:
-    camera = Camera(sensor=Sensor((4, 10), line_time=1e-3), t_exp=2e-3)
-    rows = Strobe(4e-3, 1e-3).rows(camera)
-    assert rows == pytest.approx([0, 0, 0, 0.5, 0.5, 0, 0, 0, 0, 0])
-
-
-def test_strobes_become_time_samples() -> None:
-    lamps = tuple(Light(f"/World/{n}", LightKind.DISK, (3.0, 2.0, 1.0), radius=0.01) for n in "ab")
-    strobes = {"/World/a": Strobe(0.0, 0.001), "/World/b": Strobe(0.010, 0.002)}
-    scenes = strobed_series(Scene(lights=lamps), strobes, 0.002, [0.0, 0.005, 0.010])
-    assert [s.lights[0].intensity[0] for s in scenes] == pytest.approx([1.5, 0, 0])
-    assert [s.lights[1].intensity[0] for s in scenes] == pytest.approx([0, 0, 3])
-    assert scenes[0].lights[0].intensity == strobed(lamps[0], strobes["/World/a"], 0.002).intensity
-    reader = SceneReader(author_scene(scenes[0], frames=scenes[1:]), "strobe.usda")
-    for k, scene in enumerate(scenes):
-        for a, b in zip(scene.lights, reader.scene(float(k)).lights, strict=True):
-            assert b.intensity == pytest.approx(a.intensity, rel=1e-6)
-    with pytest.raises(BrightfieldError, match="No lamp is called /World/c"):
-        strobed_series(Scene(lights=lamps), {"/World/c": Strobe(0, 1)}, 1.0, [0.0])

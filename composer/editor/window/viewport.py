@@ -18,6 +18,7 @@ from composer.editor.window.display import Display, Look
 from composer.editor.window.places import mark_rect
 from composer.editor.window.state import Dragged, State
 from interchange.camera import Camera
+from interchange.lamps.exposed import steady
 from interchange.problems import BrightfieldError
 
 GIZMO = imguizmo.im_guizmo
@@ -88,7 +89,7 @@ class Viewport:
         if key == self.drawn:
             return
         camera = self.camera if coarse == 1 else state.orbit.camera(width // coarse, height // coarse)
-        scene = state.scene
+        scene = steady(state.scene)  # no exposure, but a look around
         solid = state.shading == "solid"
         if solid:
             scene = self.look.scene(scene, camera.world_from_camera)
