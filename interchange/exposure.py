@@ -77,6 +77,7 @@ def expose(
         pixels=np.ascontiguousarray(image.pixels, np.float32),
         quantity=Quantity.RADIANCE,
         camera=image.camera,
+        made_by=image.made_by,
         passes=image.passes,
     )
     steps = steps_of(camera, through, until)

@@ -55,3 +55,21 @@ class Strobe:
             raise BrightfieldError(f"A strobe lights an exposure above 0 s; got {t_exp:g} s.")
         start = np.asarray(start, np.float64)
         return self.overdrive * (self.on_until(start + t_exp) - self.on_until(start)) / t_exp
+
+    def lit(self, t_exp: float, start: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """When the light of exposures of ``t_exp`` s from ``start`` s on begins and ends, over ``t_exp``: 0 and 1 of a
+        lamp that is always on, ½ and ½ in the dark. Raises BrightfieldError where an exposure gets several flashes."""
+        begin = np.asarray(start, np.float64) - self.start
+        if not self.is_there or self.period == self.duration:
+            return np.zeros(begin.shape), np.ones(begin.shape)
+        if self.period:
+            first = np.floor((begin - self.duration) / self.period) + 1  # that is not over
+            if (np.ceil((begin + t_exp) / self.period) - 1 > first).any():
+                raise BrightfieldError(
+                    f"An exposure in which something moves must get one flash; {t_exp:g} s get several, one every "
+                    f"{self.period:g} s."
+                )
+            begin = begin - first * self.period
+        low, high = (np.clip((t - begin) / t_exp, 0, 1) for t in (0.0, self.duration))
+        dark = high <= low
+        return np.where(dark, 0.5, low), np.where(dark, 0.5, high)

@@ -1,8 +1,9 @@
 """What moves while the shutter is open is drawn along its path, around where it is in the middle of the exposure.
 
 The path of every pixel is the pass ``motion`` (px until the next frame) times the share of the frame that the
-shutter is open; a camera that moves or a web that runs past it gives one path (u, v) to the whole image. An image
-without the pass is of a scene that stands still. Exact, for paths that cross each other too, is ``mean`` over
+shutter is open; where all light comes from one flash, the part of it that the flash lights. A camera that moves or a
+web that runs past it gives one path (u, v) to the whole image. An image without the pass is of a scene that stands
+still. Exact, for paths that cross each other too, is ``mean`` over
 frames rendered at moments within the exposure.
 """
 
@@ -16,6 +17,7 @@ from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage
 from interchange.filtering import convolve, line, resample
 from interchange.image import Image, same_quantity
+from interchange.lamps.exposed import lit
 from interchange.parameter import parameter
 from interchange.problems import BrightfieldError
 
@@ -48,7 +50,7 @@ class MotionBlur(Effect):
         if self.u or self.v:
             pixels = convolve(pixels, line(self.u, self.v))
         if self.shutter and (motion := image.passes.get("motion")) is not None:
-            pixels = _along(pixels, np.nan_to_num(motion * np.float32(self.shutter)))
+            pixels = _along(image, pixels, np.nan_to_num(motion * np.float32(self.shutter)))
         return replace(image, pixels=pixels)
 
     def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
@@ -57,18 +59,19 @@ class MotionBlur(Effect):
         return [line(self.u, self.v) if self.u or self.v else np.ones((1, 1), np.float32)]
 
 
-def _along(pixels: np.ndarray, path: np.ndarray) -> np.ndarray:
+def _along(image: Image, pixels: np.ndarray, path: np.ndarray) -> np.ndarray:
     longest = float(np.abs(path).max(initial=0.0))
     if longest < 1e-3:
         return pixels
-    steps = int(np.clip(np.ceil(2 * longest), 4, MOST_STEPS))
+    low, high = (t.astype(np.float32)[:, None] for t in lit(image))
+    steps = int(np.clip(np.ceil(2 * longest * float((high - low).max())), 4, MOST_STEPS))
     column, row = np.meshgrid(
         np.arange(pixels.shape[1], dtype=np.float32), np.arange(pixels.shape[0], dtype=np.float32)
     )
     total = np.zeros_like(pixels)
-    for t in (np.arange(steps) + 0.5) / steps - 0.5:
-        shift = path * np.float32(t)
-        cv2.accumulate(resample(pixels, column - shift[..., 0], row - shift[..., 1]), total)
+    for part in (np.arange(steps) + 0.5) / steps:
+        t = low + np.float32(part) * (high - low) - np.float32(0.5)
+        cv2.accumulate(resample(pixels, column - t * path[..., 0], row - t * path[..., 1]), total)
     return total / np.float32(steps)
 
 

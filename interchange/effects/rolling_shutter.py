@@ -15,6 +15,7 @@ from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.filtering import BORDER, resample
 from interchange.image import Image, same_quantity
+from interchange.lamps.exposed import lit
 from interchange.parameter import parameter
 from interchange.problems import BrightfieldError
 
@@ -43,6 +44,8 @@ class RollingShutter(Effect):
         motion = image.passes.get("motion")
         if motion is None and not (self.u or self.v):
             return image
+        if motion is not None and np.nanmax(np.abs(motion), initial=0.0) * self.frame_rate > 0:
+            lit(image)  # bands stay where they are, whatever moves
         height, width = image.pixels.shape[:2]
         column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         late = row * np.float32(self.line_time)

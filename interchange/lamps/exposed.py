@@ -9,7 +9,8 @@ blur, which then spreads their edges by as much as it spreads an edge.
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 
@@ -89,12 +90,42 @@ def banded(image: Image, rows: Mapping[str, np.ndarray], asked: Collection[str])
     return replace(image, pixels=np.maximum(pixels, 0), passes=kept)  # a sum less its part rounds below 0
 
 
-def shutter_of(scene: Scene, camera: Camera) -> dict[str, dict[str, float]]:
-    """What ``made_by`` says of an image with strobed lamps; nothing where there are none."""
+def shutter_of(scene: Scene, camera: Camera) -> dict[str, dict[str, Any]]:
+    """What ``made_by`` says of an image with strobed lamps; nothing where there are none. ``flash``: when light comes,
+    where all of it comes at one time."""
     if not any(x.strobe.is_there for x in scene.lights):
         return {}
-    about = {"seconds": scene.seconds, "t_exp_s": camera.t_exp, "line_time_s": camera.sensor.line_time}
+    given = [(x.strobe, shares(x.strobe, camera, scene.seconds)) for x in scene.lights if x.is_on]
+    times = {strobe for strobe, share in given if share.any()}
+    if any(any(b.material.emission) or b.material.emission_map for b in scene.bodies):
+        times.add(Strobe())
+    about = {
+        "seconds": scene.seconds,
+        "t_exp_s": camera.t_exp,
+        "line_time_s": camera.sensor.line_time,
+        "flash": asdict(next(iter(times), Strobe())) if len(times) < 2 else None,
+        "bands": any(np.ptp(share) > 1e-9 * share.max() for _, share in given),
+    }
     return {STROBED: about}
+
+
+def lit(image: Image) -> tuple[np.ndarray, np.ndarray]:
+    """(H,) each: when the light of each row's exposure begins and ends, over the exposure time. For what moves in it.
+
+    Raises BrightfieldError where that is not one time, alike for all lamps.
+    """
+    drawn, rows = image.made_by.get(STROBED), len(image.pixels)
+    if drawn is None:
+        return np.zeros(rows), np.ones(rows)
+    if drawn["flash"] is None or drawn["bands"]:
+        what = "bands of a flash" if drawn["bands"] else "lamps that light it at different times"
+        raise BrightfieldError(
+            f"What moves can be exposed from one rendering only where all light comes at one time; this image has "
+            f"{what}. Render moments of it (motion_blur.mean), or take sensor:frameRate away for one that stands still."
+        )
+    flash = Strobe(**drawn["flash"])
+    start = np.arange(rows) * drawn["line_time_s"]
+    return flash.lit(drawn["t_exp_s"], start if flash.triggered else drawn["seconds"] + start)
 
 
 def check_shutter(image: Image, camera: Camera) -> None:

@@ -1,6 +1,6 @@
 """Strobes: an exposure's share of a flash, by row, and what files and panels know of it."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -164,7 +164,10 @@ def test_a_scene_file_holds_strobes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("double lamp:strobe:duration = -1", r"scene.usda: /World/lamp.lamp:strobe:duration: Strobe.duration .* got -1 s"),
+        (
+            "double lamp:strobe:duration = -1",
+            r"/World/lamp.lamp:strobe:duration: Strobe.duration .* got -1 s",
+        ),
         ("double lamp:strobe:lenght = 1", "lamp:strobe:lenght is not known."),
         ("double lamp:strobe:start = 1", "A strobe needs lamp:strobe:duration"),
         ('string lamp:strobe:duration = "long"', "Strobe.duration .* must be numbers"),
@@ -226,3 +229,51 @@ def test_the_editor_gives_a_lamp_a_strobe(tmp_path: Path) -> None:
     workspace.do(SetParameter("/World/lamp", "strobe.period", 0.005))
     workspace.do(SetParameter("/World/lamp", "strobe.duration", 2e-4))
     assert workspace.scene.lights[0].strobe == Strobe(0, 2e-4, 5e-3)
+
+
+def moving(t_exp: float, flash: Strobe | None, **about: object) -> Image:
+    """An edge at column 60 that moves right at 2000 px/s, as at the middle of the exposure."""
+    sensor = Sensor((128, 6), frame_rate=100.0, responsivity=1.0)
+    pixels = np.repeat((np.arange(128) >= 60)[None, :, None].astype(np.float32), 6, axis=0).repeat(3, axis=2)
+    motion = np.broadcast_to(np.float32([20.0, 0.0]), (6, 128, 2))
+    shutter = {"seconds": 0.0, "t_exp_s": t_exp, "line_time_s": 0.0, "bands": False, **about}
+    made_by = {STROBED: {**shutter, "flash": flash and asdict(flash)}}
+    return Image(
+        pixels, camera=Camera(sensor=sensor, t_exp=t_exp), made_by=made_by, passes={"motion": motion}
+    )
+
+
+@pytest.mark.parametrize("start", [0.0, 4e-3, 9e-3])
+def test_a_flash_freezes_what_moves(start: float) -> None:
+    """10 ms at 2 px/ms blur over 20 px; a flash of 1 ms over 2 px, where the edge is then."""
+    row = expose(moving(1e-2, Strobe(start, 1e-3)), until=Quantity.IRRADIANCE).pixels[3, :, 0]
+    middle = 60 + 2e3 * (start + 0.5e-3 - 5e-3)
+    assert 128 - row.sum() == pytest.approx(middle, abs=0.05)
+    assert np.count_nonzero((row > 0.02) & (row < 0.98)) <= 4
+    steady = expose(moving(1e-2, Strobe()), until=Quantity.IRRADIANCE).pixels[3, :, 0]
+    assert np.count_nonzero((steady > 0.02) & (steady < 0.98)) >= 18
+
+
+def test_light_of_several_times_is_no_single_blur() -> None:
+    with pytest.raises(BrightfieldError, match="lamps that light it at different times"):
+        expose(moving(1e-2, None), until=Quantity.IRRADIANCE)
+    with pytest.raises(BrightfieldError, match="bands of a flash"):
+        expose(moving(1e-2, Strobe(0, 1e-3), bands=True), until=Quantity.IRRADIANCE)
+    with pytest.raises(
+        BrightfieldError, match=r"must get one flash; 0\.01 s get several, one every 0\.002 s"
+    ):
+        expose(moving(1e-2, Strobe(0, 1e-3, 2e-3)), until=Quantity.IRRADIANCE)
+
+
+@given(
+    start=st.floats(-1, 1), duration=st.floats(1e-3, 0.5), gap=st.floats(0.6, 1), t0=st.floats(-3, 3),
+    t_exp=st.floats(0.01, 0.5),
+)  # fmt: skip
+def test_light_comes_while_a_flash_is_on(
+    start: float, duration: float, gap: float, t0: float, t_exp: float
+) -> None:
+    flash = Strobe(start, duration, duration + gap)
+    low, high = flash.lit(t_exp, t0)
+    assert float(high - low) == pytest.approx(float(flash.share(t_exp, t0)), abs=1e-9)
+    if high > low:
+        assert float(flash.share((high - low) * t_exp, t0 + low * t_exp)) == pytest.approx(1, abs=1e-6)
