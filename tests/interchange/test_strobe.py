@@ -277,3 +277,25 @@ def test_light_comes_while_a_flash_is_on(
     assert float(high - low) == pytest.approx(float(flash.share(t_exp, t0)), abs=1e-9)
     if high > low:
         assert float(flash.share((high - low) * t_exp, t0 + low * t_exp)) == pytest.approx(1, abs=1e-6)
+
+
+def test_a_diagnosis_takes_each_captures_own_share(tmp_path: Path) -> None:
+    from analysis.gap.conditions import conditions
+    from interchange.captures import Capture, Captures
+
+    lamp = replace(LAMP, strobe=Strobe(0, 2e-4, 5e-3, 8.0))
+    file = tmp_path / "scene.usda"
+    stage = author_scene(Scene(lights=(lamp,), cameras=(Camera("/World/eye", sensor=Sensor((8, 6))),)))
+    stage.GetRootLayer().Export(str(file))
+    seconds = (1e-4, 1e-3, 1e-2)
+    taken = tuple(Capture(f"{s}.png", "/World/eye", 0, s, np.ones((6, 8, 3), np.float32)) for s in seconds)
+    found = conditions(Captures(file, file, taken), open_scene(file))
+    brightness = {c.camera.t_exp: c.scene.lights[0].intensity[0] / 3 for c in found}
+    assert brightness == pytest.approx({1e-4: 8.0, 1e-3: 1.6, 1e-2: 0.32}, rel=1e-6)
+    text = file.read_text().replace(
+        'def Camera "eye"\n    {', 'def Camera "eye"\n    {\n        custom double sensor:lineTime = 1e-3'
+    )
+    assert "lineTime" in text
+    file.write_text(text)
+    with pytest.raises(BrightfieldError, match="alike in all rows of a capture"):
+        conditions(Captures(file, file, taken), open_scene(file))
