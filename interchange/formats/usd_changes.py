@@ -185,7 +185,8 @@ def _light(stage: Usd.Stage, name: str, pairs: Sequence[tuple[float, Light, Ligh
     if all(np.allclose(r, 1.0, rtol=1e-12) for _, r in factors):
         return
     powers = [p for p in POWERS if prim.GetAttribute(p) and prim.GetAttribute(p).HasAuthoredValue()]
-    if powers and any(np.ptp(r) > 1e-9 for _, r in factors):
+    colored = powers or usd_lamp.has_spectrum(prim)
+    if colored and any(np.ptp(r) > 1e-9 for _, r in factors):
         lose(name, "Its colour follows from its spectrum and cannot be corrected by channels.")
         return
     for attribute in powers:

@@ -59,6 +59,10 @@ def set_light(stage: Usd.Stage, light: Light, name: str, value: Any, time: float
                     UsdLux.LightAPI(prim).CreateNormalizeAttr(True)
             _check("intensity", new, 0, 1e30)
             _put(prim, "inputs:intensity", NAMES.Float, new, time, custom=False)
+        case "color" if usd_lamp.has_spectrum(prim):
+            raise BrightfieldError(
+                f"{light.name} has the colour of its spectrum; change that, or remove it first."
+            )
         case "color":
             color = np.broadcast_to(np.asarray(value, np.float64), 3)
             if not (np.isfinite(color).all() and (color >= 0).all() and color.max() > 0):

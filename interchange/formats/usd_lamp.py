@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd
 
 from interchange.colorimetry import luminous_efficacy, srgb_color
 from interchange.distortion import LensModel, padded
+from interchange.formats.usd_response import Curves, color_through
 from interchange.formats.usd_values import Finder, asset
 from interchange.illuminants import illuminant
 from interchange.light import Light
@@ -30,24 +31,30 @@ SPACES = ("auto", "raw", "sRGB")
 STROBE = {f.name: f"lamp:strobe:{f.name}" for f in fields(Strobe)}
 
 
-def read_power(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, light: Light) -> Light:
+def read_power(
+    prim: Usd.Prim, time: Usd.TimeCode, find: Finder, light: Light, curves: Callable[[], Curves]
+) -> Light:
     """The light with the power that ``lamp:power`` (W) or ``lamp:flux`` (lm) give it, in place of its intensity.
 
-    Its colour is that of ``lamp:spectrum`` in linear sRGB, else that of the light's intensity.
+    Its colour is that of ``lamp:spectrum`` through the response of the scene's camera, ``curves()``, or without one in
+    linear sRGB; else that of the light's intensity, whose mean over the channels a spectrum keeps.
     """
     watts, lumens = (find.value(prim, f"lamp:{name}", time) for name in ("power", "flux"))
-    if watts is None and lumens is None:
-        return light
-    at = "lamp:flux" if watts is None else "lamp:power"
+    at = "lamp:power" if watts is not None else "lamp:flux" if lumens is not None else "lamp:spectrum"
+    own = np.asarray(light.intensity)
     try:
         spectrum = read_spectrum(prim, time, find)
-        own = np.asarray(light.intensity)
+        if watts is None and lumens is None and spectrum is None:
+            return light
         color = WHITE
         if spectrum is not None:
-            color = srgb_color(spectrum) if luminous_efficacy(spectrum) > 1e-3 else WHITE
+            color = _color(spectrum, curves())
         elif own.mean() > 0:
             r, g, b = own / own.mean()
             color = (float(r), float(g), float(b))
+        if watts is None and lumens is None:
+            r, g, b = own.mean() * np.asarray(color)
+            return replace(light, intensity=(float(r), float(g), float(b)))
         return with_power(
             light,
             None if watts is None else float(watts),
@@ -58,6 +65,16 @@ def read_power(prim: Usd.Prim, time: Usd.TimeCode, find: Finder, light: Light) -
     except BrightfieldError as error:
         find.error(str(error), prim, at)
         return light
+
+
+def _color(spectrum: Spectrum, curves: Curves) -> tuple[float, float, float]:
+    if curves:
+        return color_through(spectrum, curves)
+    return srgb_color(spectrum) if luminous_efficacy(spectrum) > 1e-3 else WHITE
+
+
+def has_spectrum(prim: Usd.Prim) -> bool:
+    return any(prim.GetAttribute(f"lamp:spectrum{end}").HasAuthoredValue() for end in ("", ":file"))
 
 
 def read_spectrum(prim: Usd.Prim, time: Usd.TimeCode, find: Finder) -> Spectrum | None:

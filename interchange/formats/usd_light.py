@@ -6,6 +6,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from interchange.formats.usd_lamp import read_power, read_projector, read_strobe
+from interchange.formats.usd_response import Curves
 from interchange.formats.usd_values import Finder, asset, rigid
 from interchange.frames import z_up_from_y_up
 from interchange.light import Light, LightKind, Profile
@@ -32,10 +33,12 @@ def read_light(
     texture: Callable[..., Texture],
     profile: Callable[[str, bool], Profile],
     keep: Callable[..., Projector],
+    curves: Callable[[], Curves],
 ) -> Light | None:
     """``world_from_prim`` in metres: its scale turns sizes of the stage into metres. None where it cannot be read.
 
-    ``keep`` makes a projector of its parts, the same one of the same parts."""
+    ``keep`` makes a projector of its parts, the same one of the same parts; ``curves`` gives the response that spectra
+    go to channels through."""
     kind = KINDS.get(prim.GetTypeName())
     if kind is None:
         find.error(f"Lights of type {prim.GetTypeName()} cannot be drawn; UsdLux's own shapes can.", prim)
@@ -122,7 +125,7 @@ def read_light(
         length=sizes.get("length", 0.0),
         angle=sizes.get("angle", 0.0),
     )
-    return read_power(prim, time, find, light)
+    return read_power(prim, time, find, light, curves)
 
 
 def _sizes(kind: LightKind, get: Callable[[str, float], float], scale: np.ndarray) -> dict[str, float]:

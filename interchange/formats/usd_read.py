@@ -16,6 +16,7 @@ from interchange.formats.usd_camera import read_camera
 from interchange.formats.usd_geometry import Part, read_mesh
 from interchange.formats.usd_light import read_light
 from interchange.formats.usd_material import Bound, read_material
+from interchange.formats.usd_response import scene_response
 from interchange.formats.usd_values import Finder, matrix
 from interchange.frames import z_up_from_y_up
 from interchange.light import Light, Profile
@@ -194,8 +195,9 @@ class _Walk:
         reader, path = self.reader, str(prim.GetPath()) + suffix
         if prim.HasAPI(UsdLux.LightAPI):
             light = read_light(
-                prim, self.time, world, self.find, reader.texture, reader.profile, reader.projector
-            )
+                prim, self.time, world, self.find, reader.texture, reader.profile, reader.projector,
+                lambda: scene_response(reader.stage, self.time),
+            )  # fmt: skip
             if light is not None:
                 light = replace(light, name=path) if suffix else light
                 names = [f.name for f in fields(light) if f.name != "where"]

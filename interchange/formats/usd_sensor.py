@@ -12,6 +12,7 @@ from typing import Any
 from pxr import Gf, Sdf, Usd
 
 from interchange.camera import Camera, Lens
+from interchange.formats import usd_response
 from interchange.formats.usd_values import Finder
 from interchange.parameter import ParameterError
 from interchange.problems import did_you_mean
@@ -77,6 +78,7 @@ OTHERS = (
     "sensor:resolution",
     "lens:distortion",
     "lens:model",
+    usd_response.ATTRIBUTE,
 )  # read and written with the rest of the camera
 
 
@@ -94,6 +96,15 @@ def read(prim: Usd.Prim, time: Usd.TimeCode, find: Finder) -> dict[str, dict[str
     for name in prim.GetAuthoredPropertyNames():
         if name.startswith(("sensor:", "lens:")) and name not in known:
             find.loss(f"{name} is not known and left out.{did_you_mean(name, known)}", prim, name)
+    if (measured := usd_response.sensor_of(prim, time, find)) is not None:
+        for field in ("quantum_efficiency", "wavelength_nm"):
+            if field in found["sensor"]:
+                find.error(
+                    "A response from a file has its own efficiency and wavelength.",
+                    prim,
+                    usd_response.ATTRIBUTE,
+                )
+            found["sensor"][field] = getattr(measured, field)
     if "quantum_efficiency" in found["sensor"]:
         found["sensor"].setdefault("responsivity", 0.0)
     return found

@@ -1,6 +1,7 @@
 """Lamps in USD: power and spectrum, projectors, what the camera sees of a lamp."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,15 @@ from composer.cli import main
 from interchange.camera import Camera, Lens, Sensor
 from interchange.colorimetry import luminous_efficacy, srgb_color
 from interchange.distortion import LensModel
+from interchange.exposure import LIGHT, PLANCK, expose
 from interchange.formats import ies_write, images
 from interchange.formats.document import open_scene
 from interchange.formats.usd_author import author_scene
+from interchange.formats.usd_edit_values import set_light
 from interchange.formats.usd_read import SceneReader
 from interchange.frames import look_at
 from interchange.illuminants import illuminant
+from interchange.image import Image, Quantity
 from interchange.lamps import composite
 from interchange.lamps.projecting import projector
 from interchange.light import Light
@@ -28,7 +32,7 @@ SPECTRUM = "# a lamp\nwavelength (nm),cold (W/nm),warm (W/nm)\n400,1,0\n550,2,2\
 
 
 def read(text: str, tmp_path: Path) -> tuple[Light, ...]:
-    text = re.sub(r" (?=(double|string|asset|float|color3f|token|bool)\S* [\w:]+ =|}$)", "\n", text)
+    text = re.sub(r" (?=(double|string|asset|float|int2|color3f|token|bool)\S* [\w:]+ =|}$)", "\n", text)
     (tmp_path / "s.usda").write_text(f'#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 0.001\n)\n{text}')
     return open_scene(tmp_path / "s.usda").scene().lights
 
@@ -184,3 +188,76 @@ def test_a_dome_keeps_its_hole_and_its_axis(tmp_path: Path) -> None:
     assert back.shaping(world @ back.world_from_light[:3, :3])[:, 0] == pytest.approx(
         [0, 0, 1, 1, 0], abs=1e-6
     )
+
+
+RESPONSE = """wavelength (nm),red (%),green (%),blue (%)
+400,2,4,40
+500,5,55,30
+600,45,20,3
+700,30,5,1
+850,12,11,10
+1000,0,0,0
+"""
+EYE = (
+    'def Camera "eye" {{ float fStop = 4 asset sensor:quantumEfficiency:file = @{file}@ '
+    "int2 sensor:resolution = (4, 3)\n}}"
+)
+
+
+@pytest.mark.parametrize("spectrum", ["3000 K", "D65", "525 nm / 30 nm", "850 nm"])
+def test_a_spectrum_goes_through_the_cameras_response(tmp_path: Path, spectrum: str) -> None:
+    """Photons counted wavelength by wavelength, of a disk that the camera looks at, against its electrons."""
+    (tmp_path / "qe.csv").write_text(RESPONSE)
+    read(
+        f'def DiskLight "L" {{ double lamp:power = 0.5 string lamp:spectrum = "{spectrum}"\n}}\n'
+        + EYE.format(file="qe.csv"),
+        tmp_path,
+    )
+    scene = open_scene(tmp_path / "s.usda").scene()
+    camera, (light,) = scene.cameras[0], scene.lights
+    assert camera.sensor.responsivity == 0
+    camera = replace(camera, t_exp=1e-9, sensor=replace(camera.sensor, full_well=1e9))
+    image = Image(np.broadcast_to(np.float32(light.radiance), (3, 4, 3)))
+    got = expose(image, camera, until=Quantity.ELECTRONS).pixels[1, 1]
+    curve = illuminant(spectrum).normalized(0.5 / (np.pi * light.projected_area))  # Lambertian, W/(m² sr nm)
+    table = np.loadtxt((tmp_path / "qe.csv").read_text().splitlines()[1:], delimiter=",")
+    step = 0.125
+    grid = np.arange(300, 1100, step)
+    area, solid_angle = np.prod(camera.sensor.pixel_pitch), np.pi / (4 * 4**2)
+    for c in range(3):
+        eta = np.interp(grid, table[:, 0], table[:, 1 + c] / 100, left=0, right=0)
+        photons = curve(grid) * grid * 1e-9 / (PLANCK * LIGHT) * area * solid_angle * camera.t_exp
+        assert got[c] == pytest.approx(np.sum(photons * eta) * step, rel=5e-3)  # two integrations by chords
+
+
+def test_a_spectrum_alone_colours_a_lamp(tmp_path: Path) -> None:
+    (light,) = read(
+        'def DomeLight "L" { float inputs:intensity = 7 string lamp:spectrum = "3000 K" }', tmp_path
+    )
+    assert light.intensity == pytest.approx(7 * np.array(srgb_color(illuminant("3000 K"))))
+    with pytest.raises(BrightfieldError, match="has the colour of its spectrum"):
+        set_light(open_scene(tmp_path / "s.usda").stage, light, "color", (1, 0, 0), None)
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        (("a.csv", "b.csv"), "/eye and /other have one each of their own"),
+        (("gone.csv",), 'The response "gone.csv" is not there'),
+        (("two.csv",), "one column of values, or one a channel; got 2"),
+        (("many.csv",), "Sensor.quantum_efficiency"),
+    ],
+)
+def test_a_response_that_cannot_be_is_an_error(tmp_path: Path, files: tuple[str, ...], message: str) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(RESPONSE)
+    (tmp_path / "two.csv").write_text("wavelength (nm),a,b\n400,0.1,0.2\n500,0.1,0.2\n")
+    (tmp_path / "many.csv").write_text("wavelength (nm),a\n400,10\n500,20\n")
+    eyes = [
+        EYE.format(file=f).replace('"eye"', f'"{n}"') for f, n in zip(files, ("eye", "other"), strict=False)
+    ]
+    with pytest.raises(FileError, match=message):
+        read(
+            'def DiskLight "L" { double lamp:power = 1 string lamp:spectrum = "A"\n}\n' + "\n".join(eyes),
+            tmp_path,
+        )

@@ -10,6 +10,7 @@ from interchange.formats.collada.xml_writer import Output, add, add_extra, add_k
 from interchange.formats.usd_camera import clipping_range
 from interchange.formats.usd_light import read_light
 from interchange.formats.usd_read import SceneReader
+from interchange.formats.usd_response import scene_response
 from interchange.formats.usd_values import Finder
 from interchange.light import Light, LightKind
 
@@ -23,7 +24,10 @@ def own_attributes(prim: Usd.Prim) -> list[str]:
 def write_light(prim: Usd.Prim, time: Usd.TimeCode, out: Output, reader: SceneReader) -> str | None:
     """The id of a new <light>; None, with a finding, for a lamp that has no numbers."""
     find = Finder(out.find.file)
-    light = read_light(prim, time, np.eye(4), find, reader.texture, reader.profile, reader.projector)
+    light = read_light(
+        prim, time, np.eye(4), find, reader.texture, reader.profile, reader.projector,
+        lambda: scene_response(reader.stage, time),
+    )  # fmt: skip
     for problem in find.problems:
         out.find.loss(problem.message, prim, problem.where.attribute)
     if light is None:
