@@ -65,7 +65,7 @@ def shutter(args: argparse.Namespace) -> Shutter:
     from interchange.effects.rolling_shutter import RollingShutter
 
     rolling = [e for e in map(effect_of, args.effect) if isinstance(e, RollingShutter)]
-    return Shutter(args.exposure, rolling[-1].line_time if rolling else None)
+    return Shutter(args.exposure, rolling[-1].line_time if rolling else None, args.moments)
 
 
 def effect_of(words: list[str]) -> "Effect":

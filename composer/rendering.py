@@ -5,13 +5,16 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 from interchange.camera import Camera
 from interchange.formats import exr
 from interchange.formats.document import Document
 from interchange.image import check_passes
+from interchange.moments import over_exposure
 from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 from interchange.shutter import Shutter
 from realtime.renderers.rasterizer import GIVES, Rasterizer
 
@@ -61,20 +64,29 @@ def render_live(
                 continue
             scene = scene or document.scene(time_code)
             after = document.scene(document.following(time_code)) if "motion" in passes else None
-            now = shutter.on(scene.camera(camera.name))
-            if width:
-                now = now.resized(width)
-                if after is not None:
+            seen = partial(_seen, name=camera.name, shutter=shutter, width=width)
+            if shutter.moments > 1:
+                image = over_exposure(
+                    document.scene, seen, lambda s, c, _, p: rasterizer.render(s, c, p, samples=samples),
+                    time_code, document.codes_per_second, shutter.moments, tuple(passes),
+                )  # fmt: skip
+            else:
+                if after is not None and width:
                     after = replace(after, cameras=tuple(c.resized(width) for c in after.cameras))
-            image = rasterizer.render(
-                scene, now, passes=passes, per_light=per_light, samples=samples, next_scene=after
-            )
+                image = rasterizer.render(
+                    scene, seen(scene), passes, per_light, samples=samples, next_scene=after
+                )
             out.parent.mkdir(parents=True, exist_ok=True)
             exr.write(out, replace(image, made_by={**image.made_by, "job": key}))
             made.append(out)
             spent = time.monotonic() - began
             told(done, total, spent / len(made) * (total - done))
     return made
+
+
+def _seen(scene: Scene, name: str, shutter: Shutter, width: int) -> Camera:
+    camera = shutter.on(scene.camera(name))
+    return camera.resized(width) if width else camera
 
 
 def is_finished(file: Path, key: str) -> bool:

@@ -1,4 +1,4 @@
-"""How long, and how late by row, a frame is exposed, where that is not what the scene says of the camera."""
+"""How a frame is exposed: how long, how late by row, and by how many renderings."""
 
 from dataclasses import dataclass, replace
 
@@ -8,10 +8,11 @@ from interchange.camera import Camera
 @dataclass(frozen=True)
 class Shutter:
     """``t_exp``: s that the shutter is open; ``line_time``: s that a row starts after the one above. None: the
-    camera's own."""
+    camera's own. ``moments``: renderings over the exposure that make up the image (interchange.moments)."""
 
     t_exp: float | None = None
     line_time: float | None = None
+    moments: int = 1
 
     def on(self, camera: Camera) -> Camera:
         if self.t_exp is not None:

@@ -8,9 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from interchange.camera import Camera
 from interchange.formats.base import Options
 from interchange.image import Image
+from interchange.moments import over_exposure
 from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 from interchange.shutter import Shutter
 from offline.renderers.cycles import Cycles
 from offline.settings import CyclesSettings
@@ -44,6 +47,11 @@ class FrameJob:
         for name in ("threads", "tile"):
             del about["settings"][name]
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
+
+    def seen_by(self, scene: Scene) -> Camera:
+        """The scene's camera, with the job's shutter and size."""
+        camera = self.shutter.on(scene.camera(self.camera))
+        return camera.resized(self.width) if self.width else camera
 
     def with_threads(self, threads: int) -> "FrameJob":
         """The job on that many processor threads, where it does not say how many."""
@@ -90,15 +98,22 @@ class Bench:
             document = self.opened[1]
             scene = document.scene(job.time)
             after = document.scene(job.next_time) if job.next_time is not None else None
-            camera = job.shutter.on(scene.camera(job.camera))
-            if job.width:
-                camera = camera.resized(job.width)
-                if after is not None:
-                    after = replace(after, cameras=tuple(c.resized(job.width) for c in after.cameras))
+            if after is not None and job.width:
+                after = replace(after, cameras=tuple(c.resized(job.width) for c in after.cameras))
             if self.renderer is None:
                 self.renderer = Cycles()
             self.renderer.timeout, self.renderer.memory = job.timeout, job.memory
-            image = self.renderer.render(scene, camera, job.settings, job.passes, job.per_light, after)
+            cycles = self.renderer
+            if job.shutter.moments > 1:
+                image = over_exposure(
+                    document.scene, job.seen_by,
+                    lambda s, c, k, p: cycles.render(s, c, replace(job.settings, seed=job.settings.seed + k), p),
+                    job.time, document.codes_per_second, job.shutter.moments, job.passes,
+                )  # fmt: skip
+            else:
+                image = cycles.render(
+                    scene, job.seen_by(scene), job.settings, job.passes, job.per_light, after
+                )
         return replace(image, made_by={**image.made_by, "job": job.key})
 
 

@@ -16,6 +16,7 @@ from interchange.camera import Camera
 from interchange.formats import exr
 from interchange.formats.document import Document, open_scene
 from interchange.image import check_passes
+from interchange.moments import MOST
 from interchange.problems import BrightfieldError
 
 HELP = "render frames to OpenEXR or, as the camera gives them, PNG and TIFF: real-time, or path-traced with --offline"
@@ -48,6 +49,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--bounces", type=int, default=6, help="path-traced: reflections after the first (default 6)"
     )
+    how.add_argument(
+        "--moments",
+        type=int,
+        default=1,
+        metavar="N",
+        help="renderings over the exposure, joined row by row: what moves or flashes is exact (default 1)",
+    )
     more = parser.add_argument_group("what is written")
     more.add_argument(
         "--passes", nargs="+", default=[], metavar="PASS", help="depth normal object_id ... or all"
@@ -70,6 +78,12 @@ def run(args: argparse.Namespace) -> int:
         raise BrightfieldError(f"--samples must be at least 1; got {args.samples}.")
     if not 0 <= args.width <= 65536:
         raise BrightfieldError(f"--width must lie in [1, 65536] px; got {args.width}.")
+    if not 1 <= args.moments <= MOST:
+        raise BrightfieldError(f"--moments must lie in [1, {MOST}]; got {args.moments}.")
+    if args.moments > 1 and args.per_light:
+        raise BrightfieldError(
+            "Give --per-light or --moments, not both: an image of several moments has no lamps."
+        )
     if args.time is not None and args.frames:
         raise BrightfieldError("Give --time for one frame or --frames for several, not both.")
     passes = check_passes(args.passes)
@@ -87,7 +101,8 @@ def run(args: argparse.Namespace) -> int:
         raise BrightfieldError("Give --dn tiff beside --preview: both would be the frame's .png.")
     if as_dn and (args.dn or args.preview or args.per_light):
         raise BrightfieldError("A frame in DN stands alone; give --out FILE.exr for files beside it.")
-    if len(document.times) > 1 and (args.dn or as_dn) and any(c.sensor.frame_rate for c in cameras):
+    by_pass = args.moments == 1 and len(document.times) > 1 and any(c.sensor.frame_rate for c in cameras)
+    if by_pass and (args.dn or as_dn):
         args.passes = [*args.passes, "motion"]  # what moves is blurred, or slanted by a rolling shutter
         passes = check_passes(args.passes)
     if not one and args.out.suffix:

@@ -170,7 +170,7 @@ def moving(document: Document, args: argparse.Namespace) -> "MovingScene":
         return replace(scene, cameras=tuple(c.resized(args.width) for c in scene.cameras))
 
     times = document.times
-    rate = float(document.stage.GetTimeCodesPerSecond())
+    rate = document.codes_per_second
     line = TimeLine(scene_at, times[0], times[0] if args.still else times[-1], rate, not args.once)
     belts = []
     if args.conveyor:

@@ -36,6 +36,10 @@ class Document:
 
         return frame_times(self.stage)
 
+    @property
+    def codes_per_second(self) -> float:
+        return float(self.stage.GetTimeCodesPerSecond())
+
     def following(self, time: float) -> float:
         """The time code of the frame after ``time``, whichever frames are rendered; after the last, as far on as the
         last but one is before."""

@@ -121,7 +121,7 @@ def lit(image: Image) -> tuple[np.ndarray, np.ndarray]:
         what = "bands of a flash" if drawn["bands"] else "lamps that light it at different times"
         raise BrightfieldError(
             f"What moves can be exposed from one rendering only where all light comes at one time; this image has "
-            f"{what}. Render moments of it (motion_blur.mean), or take sensor:frameRate away for one that stands still."
+            f"{what}. Render moments of it (--moments), or take sensor:frameRate away for one that stands still."
         )
     flash = Strobe(**drawn["flash"])
     start = np.arange(rows) * drawn["line_time_s"]
