@@ -60,7 +60,7 @@ def test_moments_are_the_pass_motion_made_exact(tmp_path: Path) -> None:
     a, b, c = (columns(tmp_path / f"{n}.png")[PX // 2] for n in ("pass", "moments", "true"))
     where = (PX - 1) / 2 - 0.5 * STEP / PITCH  # the frame's own time is the middle of its exposure
     assert [middle(x) for x in (a, b, c)] == pytest.approx([where] * 3, abs=0.05)
-    assert np.abs(b - c).max() < 0.03 * b.max()  # half a sample of four along a pixel
+    assert np.abs(b - c).max() < 0.03 * b.max()  # edges of four samples a pixel
     assert np.count_nonzero((b > 0.05 * b.max()) & (b < 0.95 * b.max())) >= 10  # 6 px of path on either side
     assert np.abs(a - b).sum() < 0.15 * b.sum()  # the pass moves what stands behind the plate too little
 
@@ -80,7 +80,7 @@ def test_a_flash_freezes_and_rows_show_it_where_it_is(tmp_path: Path) -> None:
     places = [middle(row) for row in rows[:30]]
     assert np.ptp(places) < 1e-3
     where = (PX - 1) / 2 + (-0.5 + (0.0305 - 0.025) / 0.1) * STEP / PITCH
-    assert places[0] == pytest.approx(where, abs=0.13)  # half a sample of four along a pixel
+    assert places[0] == pytest.approx(where, abs=0.13)  # half a sample, of four along a pixel
 
 
 def test_moments_refuse_what_they_have_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
