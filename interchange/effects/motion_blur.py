@@ -3,11 +3,9 @@
 The path of every pixel is the pass ``motion`` (px until the next frame) times the share of the frame that the
 shutter is open; where all light comes from one flash, the part of it that the flash lights. A camera that moves or a
 web that runs past it gives one path (u, v) to the whole image. An image without the pass is of a scene that stands
-still. Exact, for paths that cross each other too, is ``mean`` over
-frames rendered at moments within the exposure.
+still. Exact, for paths that cross each other too, are renderings of moments (interchange.moments).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -16,10 +14,9 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage
 from interchange.filtering import convolve, line, resample
-from interchange.image import Image, same_quantity
+from interchange.image import Image
 from interchange.lamps.exposed import lit
 from interchange.parameter import parameter
-from interchange.problems import BrightfieldError
 
 MOST_STEPS = 64  # along a path; it is sampled twice a pixel up to there
 
@@ -73,18 +70,3 @@ def _along(image: Image, pixels: np.ndarray, path: np.ndarray) -> np.ndarray:
         t = low + np.float32(part) * (high - low) - np.float32(0.5)
         cv2.accumulate(resample(pixels, column - t * path[..., 0], row - t * path[..., 1]), total)
     return total / np.float32(steps)
-
-
-def mean(moments: Sequence[Image]) -> Image:
-    """The image over an exposure, of renderings at moments spread evenly over it (the middles of equal parts).
-
-    Radiance or irradiance; passes are those of the middle one. Raises BrightfieldError.
-    """
-    if not moments:
-        raise BrightfieldError("An exposure needs one rendering or more; got none.")
-    middle = moments[len(moments) // 2]
-    total = np.zeros(middle.pixels.shape, np.float64)
-    for image in moments:
-        same_quantity(image, middle)
-        total += image.pixels
-    return replace(middle, pixels=(total / len(moments)).astype(np.float32))

@@ -2,10 +2,9 @@
 
 Where a point is by then follows from the pass ``motion`` (px until the next frame) and the frame rate, or from one
 velocity (u, v) px/s of the whole image. An image without either is of a scene that stands still. Exact, for what
-comes out from behind something too, is ``assemble`` over frames rendered at moments.
+comes out from behind something too, are renderings of moments (interchange.moments).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,10 +13,9 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage, carried
 from interchange.filtering import BORDER, resample
-from interchange.image import Image, same_quantity
+from interchange.image import Image
 from interchange.lamps.exposed import lit
 from interchange.parameter import parameter
-from interchange.problems import BrightfieldError
 
 
 @dataclass(frozen=True)
@@ -57,27 +55,3 @@ class RollingShutter(Effect):
             there = cv2.remap(velocity, x, y, cv2.INTER_LINEAR, borderMode=BORDER)
             x, y = column - there[..., 0] * late, row - there[..., 1] * late
         return replace(image, pixels=resample(image.pixels, x, y))
-
-
-def assemble(moments: Sequence[Image], times: Sequence[float], line_time: float) -> Image:
-    """The rolling-shutter image of renderings at ``times`` (s, rising), linear between them.
-
-    Row r is that of the moment r · ``line_time``. Raises BrightfieldError where the times do not reach that far.
-    """
-    first = moments[0]
-    for image in moments:
-        same_quantity(image, first)
-    rows = np.arange(len(first.pixels)) * line_time
-    if len(times) != len(moments) or np.any(np.diff(times) <= 0):
-        raise BrightfieldError("Every rendering needs its time, and times must rise.")
-    if rows[0] < times[0] or rows[-1] > times[-1] + 1e-12:
-        raise BrightfieldError(
-            f"Renderings must cover the read-out, 0 to {rows[-1]:g} s; got {times[0]:g} to {times[-1]:g} s."
-        )
-    at = np.interp(rows, times, np.arange(len(times)))
-    below = np.clip(at.astype(int), 0, max(len(moments) - 2, 0))
-    above = np.minimum(below + 1, len(moments) - 1)
-    weight = (at - below).astype(np.float32)[:, None, None]
-    low = np.stack([moments[k].pixels[r] for r, k in enumerate(below)])
-    high = np.stack([moments[k].pixels[r] for r, k in enumerate(above)])
-    return replace(first, pixels=low * (1 - weight) + high * weight)

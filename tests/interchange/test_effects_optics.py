@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from interchange.camera import Camera, Lens, Sensor
-from interchange.effects import line_scan, motion_blur, rolling_shutter
+from interchange.effects import line_scan
 from interchange.effects.axial_chromatic_aberration import AxialChromaticAberration
 from interchange.effects.defocus import Defocus
 from interchange.effects.diffraction import Diffraction
@@ -20,7 +20,8 @@ from interchange.effects.vignetting import Vignetting
 from interchange.exposure import expose
 from interchange.filtering import airy, airy_kernel, convolve, diffraction_mtf, disc, line
 from interchange.image import Image, Quantity
-from interchange.problems import BrightfieldError
+from interchange.moments import over_exposure
+from interchange.scene import Scene
 
 SIZE = (101, 81)
 CAMERA = Camera(sensor=Sensor(SIZE, (5e-6, 5e-6)), lens=Lens(0.025))
@@ -241,14 +242,25 @@ def test_a_short_path_blurs_with_the_square_of_its_length():
     assert twice / short == pytest.approx(4, rel=0.01)  # terms of the fourth order
 
 
+def rendered(at, camera, count):
+    """Pixels over the camera's exposure of images at moments, s."""
+    return over_exposure(
+        lambda code: Scene(time=code),
+        lambda _: camera,
+        lambda scene, c, k, p: at(scene.time),
+        0.0,
+        1.0,
+        count,
+    ).pixels
+
+
 def test_the_motion_pass_gives_what_moving_renderings_give():
     """A spot that moves by 12 px a frame, open for half of it: the effect against the mean over moments."""
     c = replace(CAMERA, t_exp=0.01, sensor=replace(CAMERA.sensor, frame_rate=50.0))
     motion = np.broadcast_to(np.array([12.0, 4.0], np.float32), (81, 101, 2)).copy()
     still = replace(blobs([(50, 40)]), passes={"motion": motion})
     got = expose(still, c, until=Quantity.IRRADIANCE).pixels
-    parts = [blobs([(50 + 6 * t, 40 + 2 * t)]) for t in (np.arange(32) + 0.5) / 32 - 0.5]
-    want = motion_blur.mean(parts).pixels
+    want = rendered(lambda t: blobs([(50 + 600 * t, 40 + 200 * t)]), c, 32)
     assert got == pytest.approx(want, abs=1e-3)  # 24 steps along 6 px; a spot of σ = 3 px
     uniform = MotionBlur(6.0, 2.0).apply(blobs([(50, 40)]), c, None).pixels
     assert uniform == pytest.approx(want, abs=1e-3)
@@ -269,11 +281,8 @@ def test_a_rolling_shutter_slants_what_moves():
     assert centre == pytest.approx(40 + 0.1 * np.arange(81), abs=0.002)
     velocity = RollingShutter(50e-6, u=2000.0).apply(bar(0), c, None).pixels[..., 0]
     assert velocity == pytest.approx(got, abs=1e-4)
-    times = np.linspace(0, 80 * 50e-6, 41)
-    want = rolling_shutter.assemble([bar(t) for t in times], list(times), 50e-6).pixels[..., 0]
+    want = rendered(bar, c, 320)[..., 0]
     assert got == pytest.approx(want, abs=0.01)
-    with pytest.raises(BrightfieldError, match="must cover the read-out"):
-        rolling_shutter.assemble([bar(0), bar(0.001)], [0, 0.001], 50e-6)
 
 
 def test_a_line_camera_stretches_what_runs_too_slowly():
