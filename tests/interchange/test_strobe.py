@@ -299,3 +299,13 @@ def test_a_diagnosis_takes_each_captures_own_share(tmp_path: Path) -> None:
     file.write_text(text)
     with pytest.raises(BrightfieldError, match="alike in all rows of a capture"):
         conditions(Captures(file, file, taken), open_scene(file))
+
+
+def test_a_plan_of_captures_refuses_flashes(tmp_path: Path) -> None:
+    from analysis.gap.capture_plan import _candidates
+
+    file = tmp_path / "scene.usda"
+    stage = author_scene(Scene(lights=(replace(LAMP, strobe=FLASH),), cameras=(Camera("/World/eye"),)))
+    stage.GetRootLayer().Export(str(file))
+    with pytest.raises(BrightfieldError, match="always on get all; /World/lamp flashes"):
+        _candidates(open_scene(file), None, {}, tmp_path, lambda *_: None)
