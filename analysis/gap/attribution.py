@@ -7,7 +7,8 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import STAGES
-from analysis.gap.fit import Fit, Model
+from analysis.gap.fit import Fit
+from analysis.gap.model import Model
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
 

@@ -24,8 +24,8 @@ from analysis.gap.advice import separating
 from analysis.gap.chain_terms import chain_terms
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected
-from analysis.gap.geometry_terms import geometry_terms
-from analysis.gap.light_terms import light_terms
+from analysis.gap.geometry_terms import geometry_terms, moved_objects
+from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.radiance import Render, Rendered, arrangement, render_all
@@ -207,7 +207,9 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     found = [
         *geometry_terms(conditions, tolerances),
+        *moved_objects(conditions, tolerances),
         *light_terms(conditions, tolerances),
+        *shaded(conditions, tolerances),
         *material_terms(conditions, tolerances),
         *chain_terms(State(bright), tolerances),
     ]

@@ -18,10 +18,11 @@ from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
-from analysis.gap.fit import Fit, Model, fit, uncertainty
+from analysis.gap.fit import Fit, fit, uncertainty
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
+from analysis.gap.model import Model
 from analysis.gap.noise import noise_findings, with_black_level
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for

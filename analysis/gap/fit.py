@@ -6,83 +6,36 @@ stands, from more than one start, and the starts compare by their whole log Z.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from analysis.gap.chain_terms import chain_terms, effects_at
+from analysis.gap.chain_terms import chain_terms
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
 from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.generic_terms import generic_terms
-from analysis.gap.geometry_terms import geometry_terms
+from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import Knots
-from analysis.gap.light_terms import light_terms
+from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
+from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
-from analysis.gap.radiance import Rendered
+from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
-from interchange.effects import Effect
 from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
 STARTS, ROUNDS = 4, 3
-REGISTRATIONS = 2
+REGISTRATIONS, REFINEMENTS = 2, 8
+SHORTEST = 0.2  # part of a step
+FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """A simulation with corrections: ``theta`` (q,) of ``terms``, around ``at`` (q,), where chain and flow stand."""
-
-    terms: tuple[Term, ...]
-    theta: np.ndarray
-    at: np.ndarray
-
-    def state(self, condition: Condition, stride: int = 1, symmetric: bool = False) -> State:
-        return State(condition, self.effects(condition), self.flow(condition), stride, symmetric)
-
-    def effects(self, condition: Condition) -> list[Effect]:
-        values = {t.key: float(x) for t, x in zip(self.terms, self.at, strict=True)}
-        return effects_at(self.terms, values, State(condition))
-
-    def flow(self, condition: Condition) -> np.ndarray | None:
-        """(H, W, 2) px that the image moves by; conditions that share a rendering share it."""
-        moving = [(t, x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "flow" and x]
-        if not moving:
-            return None
-        key = id(condition.shown)
-        if key not in self._flows:
-            self._flows[key] = condition.shown, self._flow(State(condition), moving)
-        return self._flows[key][1]
-
-    @cached_property
-    def _flows(self) -> dict[int, tuple[Rendered, np.ndarray]]:
-        return {}
-
-    def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
-        total = np.zeros((*state.condition.mean.shape[:2], 2))
-        for term, x in moving:
-            found = term.flow(state) if term.flow is not None else None
-            if found is not None:
-                total += x * np.stack(found, axis=-1)
-        return total
-
-    def simulated(self, condition: Condition, stride: int = 1) -> np.ndarray:
-        """(H, W, C): expected DN of a condition with every correction, on every ``stride``-th pixel."""
-        state = self.state(condition, stride)
-        return state.take(state.simulation.dn) + added(state, self.terms, self.theta - self.at)
-
-    def without(self, index: np.ndarray) -> "Model":
-        theta, at = self.theta.copy(), self.at.copy()
-        theta[index], at[index] = 0.0, 0.0
-        return replace(self, theta=theta, at=at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +47,7 @@ class Stand:
     evidence: Evidence
     parts: tuple[NormalEquations, ...]
     hypotheses: tuple[Hypothesis, ...]
+    kept: dict[str, Sensitivities]  # by the condition's name
 
     @property
     def best(self) -> Hypothesis:
@@ -136,12 +90,9 @@ def fit(
 ) -> Fit:
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
     without it those that need that are not tried."""
-    stride = stride_for(conditions)
-    terms = _terms(conditions, tolerances, knots)
+    search = _Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
     told("registration", 0.0)
-    first = _stand(
-        conditions, terms, _registered(conditions, terms, stride, told), {}, stride, told, "evidence"
-    )
+    first = search.stand(search.registered(), {}, "evidence", {})
     stands = [first]
     none = next(h for h in first.hypotheses if not h.causes)
     if first.best.causes:
@@ -150,31 +101,191 @@ def fit(
         for k, start in enumerate(starts):
             if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
-            stands.append(_followed(conditions, terms, first, start, stride, told, f"fit {k + 1}"))
+            stands.append(search.followed(first, start, f"fit {k + 1}"))
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
-    return _fit(terms, chosen)
+    return _fit(search.terms, chosen, knots)
 
 
-def _registered(
-    conditions: Sequence[Condition], terms: Sequence[Term], stride: int, told: Told
-) -> np.ndarray:
-    """(q,): where the terms that move the image stand, with no cause at all: edges that are off by a part of a pixel
-    would forge every effect that changes edges."""
-    at = np.zeros(len(terms))
-    own = [i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)]
-    for k in range(REGISTRATIONS):
-        model = Model(tuple(terms), at, at)
-        states = [model.state(c, stride) for c in conditions]
-        parts = [equations(s, [terms[i] for i in own], at[own]) for s in states if s.usable.any()]
+class _Search:
+    """The same captures and terms at every stand."""
+
+    def __init__(
+        self, conditions: Sequence[Condition], terms: tuple[Term, ...], knots: Knots | None, told: Told
+    ) -> None:
+        self.conditions, self.terms, self.knots, self.told = conditions, terms, knots, told
+        self.stride = stride_for(conditions)
+        self.q = len(terms)
+        self.registering = {
+            i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
+        }
+
+    def model(self, theta: np.ndarray, at: np.ndarray) -> Model:
+        return Model(self.terms, theta, at, self.knots)
+
+    def registered(self) -> np.ndarray:
+        """(q,): where the terms that move the image stand, with no cause at all: edges that are off by a part of a
+        pixel would forge every effect that changes edges."""
+        at = np.zeros(self.q)
+        own = [
+            i for i, t in enumerate(self.terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
+        ]
+        terms = [self.terms[i] for i in own]
+        for k in range(REGISTRATIONS):
+            model = self.model(at, at)
+            states = [model.state(c, self.stride) for c in self.conditions]
+            parts = [equations(s, terms, at[own]) for s in states if s.usable.any()]
+            if not parts:
+                break
+            there = Evidence(total_of(parts), terms)
+            theta = there.theta(there.at((), ()))
+            at = np.zeros(self.q)
+            for i, x in zip(own, theta, strict=True):
+                at[i] = x if self.terms[i].kind == "flow" else 0.0
+            self.told("registration", (k + 1) / REGISTRATIONS)
+        return at
+
+    def followed(self, first: Stand, start: Hypothesis, what: str) -> Stand:
+        """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
+        stand, best = first, start
+        theta = stand.evidence.theta(best)
+        kept = dict(first.kept)
+        for _ in range(ROUNDS):
+            members = {c: stand.evidence.members[c] for c in best.causes}
+            theta, at = self.refined(best.causes, members, theta, kept)
+            changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
+            before, theta_before = best, theta
+            stand = self.stand(at, changes, what, kept)
+            kept = stand.kept
+            best = stand.best
+            theta = stand.evidence.theta(best)[: self.q]
+            settled = not self._moved(members, theta, theta_before, stand.evidence.spike)
+            if best.causes == before.causes and settled:
+                break
+        return stand
+
+    def refined(
+        self,
+        causes: tuple[Cause, ...],
+        members: dict[Cause, np.ndarray],
+        theta: np.ndarray,
+        kept: dict[str, Sensitivities],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton), registered with it:
+        what moves is looked for from the scene as written, as registration without it has moved something else."""
+        at = self.start(members, theta)
+        bent = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
+        if not bent:
+            return theta, at
+        if any(self.terms[i].kind in ("flow", "scene") for i in bent):
+            at = np.zeros(self.q)
+        own = np.array(
+            [i for i, t in enumerate(self.terms) if t.candidate in members or i in self.registering]
+        )
+        place = {int(i): k for k, i in enumerate(own)}
+        terms = [self.terms[i] for i in own]
+        anew = {place[i] for i in place if i in bent or self.terms[i].kind == "flow"}
+        near = {name: s.of(own) for name, s in kept.items()}
+        best, step, aim = -np.inf, 1.0, at
+        here, spike = at, np.zeros(self.q)
+        for _ in range(REFINEMENTS):
+            model = self.model(at, at)
+            parts = []
+            for c in self.conditions:
+                state = model.state(c, self.stride)
+                if state.usable.any():
+                    near[c.name] = sensitivities(state, terms, near.get(c.name), anew)
+                    parts.append(equations(state, terms, at[own], drawn=near[c.name]))
+            there = Evidence(total_of(parts), terms)
+            found = there.best(causes, {}) if set(causes) <= set(there.members) else None
+            if found is None or found.score < best:  # too far: half the way from where it was better
+                step /= 2
+                if step < SHORTEST:
+                    break
+                at = here + step * (aim - here)
+                continue
+            best, step, here = found.score, 1.0, at
+            before, theta = theta, np.zeros(self.q)
+            theta[own], spike[own] = there.theta(found), there.spike
+            at = aim = self.start(members, theta)
+            if not self._moved(members, theta, before, spike):
+                break
+        return theta, here
+
+    def _moved(
+        self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray
+    ) -> bool:
+        """Whether a number of the causes is no longer what it was."""
+        off = np.abs(now[: self.q] - before[: self.q])
+        near = np.maximum(spike[: self.q], SETTLED * np.abs(now[: self.q]))
+        return any(bool((off[i] > near[i]).any()) for i in members.values())
+
+    def start(self, members: dict[Cause, np.ndarray], theta: np.ndarray) -> np.ndarray:
+        """Where the next linearisation stands: all that moves the image, and the terms of the causes that the chain or
+        a rendering can follow, as found."""
+        at = np.array([x if t.kind == "flow" else 0.0 for t, x in zip(self.terms, theta, strict=False)])
+        for index in members.values():
+            for i in index:
+                if self.terms[i].kind == "chain":
+                    at[i] = max(theta[i], self.terms[i].low)
+            scene = [i for i in index if self.terms[i].kind == "scene"]
+            if any(abs(theta[i]) > self.terms[i].step for i in scene):
+                there = at.copy()
+                for i in scene:
+                    there[i] = float(f"{max(theta[i], self.terms[i].low):.2g}")
+                if self._can_stand(there):
+                    at = there
+        return at
+
+    def _can_stand(self, at: np.ndarray) -> bool:
+        try:
+            scene = self.model(at, at).scene
+            for effect, target in scene:
+                effect.on_scene(self.conditions[0].shown.scene, target)
+        except BrightfieldError:
+            return False
+        return True
+
+    def change(self, model: Model, index: np.ndarray) -> Change:
+        """What a cause changes in each condition."""
+        without, own = model.without(index), [self.terms[i] for i in index]
+        out = {}
+        for c in self.conditions:
+            state = model.state(c, self.stride)
+            change = added(state, own, (model.theta - model.at)[index])
+            if model.at[index].any():
+                change = change + state.take(state.simulation.dn - without.state(c).simulation.dn)
+            out[c.name] = np.asarray(change, np.float32)
+        return out
+
+    def stand(
+        self,
+        at: np.ndarray,
+        changes: dict[Cause, Change],
+        what: str,
+        kept: dict[str, Sensitivities],
+    ) -> Stand:
+        """``changes``: of each cause that is in force at ``at``; ``kept``: sensitivities that a stand before had."""
+        free = {t.candidate for t in self.terms if t.family is not None}  # of any form
+        forms = form_terms({c: change for c, change in changes.items() if c not in free})
+        every = [*self.terms, *forms]
+        at_all = np.append(at, np.zeros(len(forms)))
+        model = self.model(at, at)
+        anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
+        parts, now = [], {}
+        for k, condition in enumerate(self.conditions):
+            state = model.state(condition, self.stride, symmetric=True)
+            if not state.usable.any():
+                continue
+            before = kept.get(condition.name)
+            drawn = sensitivities(state, self.terms, before, anew)
+            now[condition.name] = drawn
+            doubted = doubt(list(changes.values()), state)
+            parts.append(equations(state, every, at_all, doubted, drawn.and_also(state, forms)))
+            self.told(what, (k + 1) / len(self.conditions))
         if not parts:
-            break
-        there = Evidence(total_of(parts), [terms[i] for i in own])
-        theta = there.theta(there.at((), ()))
-        at = np.zeros(len(terms))
-        for i, x in zip(own, theta, strict=True):
-            at[i] = x if terms[i].kind == "flow" else 0.0
-        told("registration", (k + 1) / REGISTRATIONS)
-    return at
+            raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
+        evidence = Evidence(total_of(parts), every)
+        return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 
 def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -187,61 +298,19 @@ def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return found
 
 
-def _followed(
-    conditions: Sequence[Condition],
-    terms: Sequence[Term],
-    first: Stand,
-    start: Hypothesis,
-    stride: int,
-    told: Told,
-    what: str,
-) -> Stand:
-    """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
-    stand, best, q = first, start, len(terms)
-    theta = stand.evidence.theta(best)
-    for _ in range(ROUNDS):
-        at = _start(terms, best, theta, stand.evidence)
-        model = Model(tuple(terms), theta, at)
-        members = {c: stand.evidence.members[c] for c in best.causes}
-        changes = {c: _change(model, index, conditions, stride) for c, index in members.items()}
-        before, theta_before = best, theta
-        stand = _stand(conditions, terms, at, changes, stride, told, what)
-        best = stand.best
-        theta = stand.evidence.theta(best)[:q]
-        if best.causes == before.causes:
-            moved = np.abs(theta - theta_before)
-            near = np.maximum(stand.evidence.spike[:q], SETTLED * np.abs(theta))
-            if not any((moved[i] > near[i]).any() for i in members.values()):
-                break
-    return stand
-
-
-def _change(model: Model, index: np.ndarray, conditions: Sequence[Condition], stride: int) -> Change:
-    """What a cause changes in each condition."""
-    without, own = model.without(index), [model.terms[i] for i in index]
-    out = {}
-    for c in conditions:
-        state = model.state(c, stride)
-        change = added(state, own, (model.theta - model.at)[index])
-        if model.at[index].any():
-            change = change + state.take(state.simulation.dn - without.state(c).simulation.dn)
-        out[c.name] = np.asarray(change, np.float32)
-    return out
-
-
-def _fit(terms: Sequence[Term], stand: Stand) -> Fit:
+def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
     """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
     q = len(terms)
     parts = tuple(_of_terms(p, q) for p in stand.parts)
     evidence = Evidence(total_of(parts), terms)
     best = stand.best
     theta = evidence.theta(best)
-    after = Model(tuple(terms), theta, stand.at)
+    after = Model(tuple(terms), theta, stand.at, knots)
     cause = np.zeros(q, bool)
     for c in best.causes:
         cause[evidence.members[c]] = True
     moves = np.array([t.kind == "flow" for t in terms])
-    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.where(moves & ~cause, stand.at, 0.0))
+    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.where(moves & ~cause, stand.at, 0.0), knots)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts)
 
@@ -284,49 +353,16 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     return [
         *geometry_terms(conditions, tolerances),
-        *light_terms(conditions, tolerances, knots),
+        *light_terms(conditions, tolerances),
         *material_terms(conditions, tolerances),
-        *(knot_terms(conditions, tolerances, knots) if knots is not None else []),
+        *(
+            knot_terms(conditions, tolerances, knots)
+            if knots is not None
+            else [*moved_objects(conditions, tolerances), *shaded(conditions, tolerances)]
+        ),
         *chain_terms(State(bright), tolerances),
         *generic_terms(conditions, tolerances),
     ]
-
-
-def _start(terms: Sequence[Term], best: Hypothesis, theta: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """Where the next linearisation stands: all that moves the image, and the chain's terms of the causes, as found."""
-    start = np.array([x if t.kind == "flow" else 0.0 for t, x in zip(terms, theta, strict=False)])
-    for cause in best.causes:
-        for i in evidence.members[cause]:
-            if terms[i].kind == "chain":
-                start[i] = max(theta[i], terms[i].low)
-    return start
-
-
-def _stand(
-    conditions: Sequence[Condition],
-    terms: Sequence[Term],
-    at: np.ndarray,
-    changes: dict[Cause, Change],
-    stride: int,
-    told: Told,
-    what: str,
-) -> Stand:
-    free = {t.candidate for t in terms if t.family is not None}  # of any form
-    forms = form_terms({c: change for c, change in changes.items() if c not in free})
-    every = [*terms, *forms]
-    at_all = np.append(at, np.zeros(len(forms)))
-    model = Model(tuple(terms), at, at)
-    parts = []
-    for k, condition in enumerate(conditions):
-        state = model.state(condition, stride, symmetric=True)
-        if not state.usable.any():
-            continue
-        parts.append(equations(state, every, at_all, doubt(list(changes.values()), state)))
-        told(what, (k + 1) / len(conditions))
-    if not parts:
-        raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
-    evidence = Evidence(total_of(parts), every)
-    return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()))
 
 
 def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:

@@ -41,7 +41,7 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     terms += _read_out(conditions, tolerances.registration_px)
     if not any(has_edges(c) for c in conditions):
         terms = [replace(t, cause=NUISANCE) for t in terms]
-    return terms + _objects(conditions, tolerances)
+    return terms
 
 
 def has_edges(condition: Condition) -> bool:
@@ -181,23 +181,31 @@ def _spin(name: str) -> Flow:
     return flow
 
 
-def _outline(mask: np.ndarray) -> int:
-    """Pixels where an object ends within the image: where it does not, only its shading could be seen to move, and that
-    is the lamps'."""
-    inside = cv2.erode(mask.astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_REPLICATE)
-    return int(mask.sum()) - int(inside.sum())
+def outlines(conditions: Sequence[Condition]) -> dict[str, int]:
+    """Objects that end within an image, and by how many pixels, the most of any: where one does not, only its shading
+    could be seen to move, and that is the lamps'."""
+    found: dict[str, int] = {}
+    for condition in conditions:
+        ids, names = condition.shown.passes["object_id"], condition.shown.scene.object_names
+        for k, count in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
+            mask = (ids == k).astype(np.uint8)
+            ends = count - int(cv2.erode(mask, np.ones((3, 3)), borderType=cv2.BORDER_REPLICATE).sum())
+            if ends >= LEAST_OUTLINE:
+                found[names[k]] = max(found.get(names[k], 0), ends)
+    return found
 
 
-def _objects(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+def moved_objects(
+    conditions: Sequence[Condition], tolerances: Tolerances, besides: Sequence[str] = ()
+) -> list[Term]:
+    """The places of objects (``besides`` some) without any rendering: what is seen of them moves, shadows stay."""
     counts: dict[str, int] = {}
     for condition in conditions:
-        ids = condition.shown.passes["object_id"]
-        names = condition.shown.scene.object_names
+        ids, names = condition.shown.passes["object_id"], condition.shown.scene.object_names
         for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            if _outline(ids == k) >= LEAST_OUTLINE:
-                counts[names[k]] = max(counts.get(names[k], 0), int(n))
+            counts[names[k]] = max(counts.get(names[k], 0), int(n))
     terms = []
-    for name in [n for n, count in counts.items() if count >= LEAST_PIXELS]:
+    for name in (n for n in outlines(conditions) if counts[n] >= LEAST_PIXELS and n not in besides):
         for axis in range(3):
 
             def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:

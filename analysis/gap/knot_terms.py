@@ -1,29 +1,26 @@
-"""Terms of effects that must be rendered: size of lamps, gloss, anisotropy, size of objects, shadows.
+"""Terms of effects that must be rendered: of lamps, gloss, anisotropy, place and size of objects, shadows.
 
 Each is the difference of two renderings over the step between them (analysis.gap.knots), in DN as each condition's
-lamps give it. Penumbrae wider than a pixel change with the width of the lamp, narrower ones with its square: the step
-is such that they are wider.
+lamps give it; where the scene stands elsewhere already, from there. Penumbrae wider than a pixel change with the width
+of the lamp, narrower ones with its square: the step is such that they are wider.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.knots import MANY, SPOTS, Change, Knots
-from analysis.gap.radiance import Rendered
+from analysis.gap.geometry_terms import moved_objects, outlines
+from analysis.gap.knots import Knots
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes
+from interchange.camera import Projection
 from interchange.captures import Tolerances
-from interchange.effects import Effect
-from interchange.effects.anisotropy import Anisotropy
-from interchange.effects.geometry import Geometry
-from interchange.effects.gloss import Gloss
-from interchange.effects.light_size import LightSize
+from interchange.effects import MODELS
 from interchange.effects.parts import bounds
-from interchange.effects.shadow import Shadow
 from interchange.light import LightKind
 from interchange.material import Material
 from interchange.parameter import ParameterError
@@ -31,50 +28,62 @@ from interchange.scene import Scene
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
-MOST_OBJECTS = 6  # that have a size of their own: the largest in the image
+MOST_OBJECTS = 6  # that are moved and resized by renderings: the largest in the image
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
 FLAT = 0.02  # thickness over length of what is printed on something, whose size is not its own
 STEP = 0.1  # of gloss
 OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
-OUTLINE = 0.3  # px that the step of an object's size moves its outline by
-
-Changed = Callable[[Rendered], Change]
+MOVED = 2.0  # mm, of the step that a lamp's place is told by
+OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
+LINEAR = 0.1  # px that an outline moves by before it is drawn anew
 
 
 def knot_terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots) -> list[Term]:
     """Rendered as their fields are asked for, once for each arrangement that the conditions show."""
     return [
-        *_standing_off(tolerances, knots),
+        _standing_off(tolerances, knots),
         *_lamps(conditions, tolerances, knots),
         *_materials(conditions, tolerances, knots),
         *_objects(conditions, tolerances, knots),
     ]
 
 
-def _standing_off(t: Tolerances, knots: Knots) -> list[Term]:
+def _standing_off(t: Tolerances, knots: Knots) -> Term:
     """How far what casts shadows stands off what it lies on: burrs, glue, paint, and the place where another renderer
     lets its rays begin. No cause: the tolerance of where shadows end."""
-    field = difference(lambda shown: knots.standing_off(shown, 1e-3 * OFFSET, MANY), OFFSET)
-    return [Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)]
+
+    def field(s: State) -> np.ndarray | None:
+        weights = s.shown.weights(s.condition.scene)
+        if not any(w.any() for w in weights.values()):
+            return None
+        change = knots.standing_off(s.shown, 1e-3 * OFFSET)
+        return _dn(s, change.radiance(weights, s.camera.sensor.resolution), OFFSET)
+
+    return Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)
 
 
 def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights if x.kind is not LightKind.DOME}
     near = [n for n, x in lights.items() if x.kind is not LightKind.DISTANT]
     terms: list[Term] = []
+    for name in near:
+        for axis in "xyz":
+            field = rendered(knots, "light_position", name, axis, MOVED, lamp=name, together=True)
+            terms.append(Term("light_position", name, axis, "mm", t.light_position_mm, field,
+                              kind="scene", step=MOVED))  # fmt: skip
     if near:
         middle = conditions[0].shown.scene.bounds.mean(axis=0)
         away = [np.linalg.norm(lights[n].world_from_light[:3, 3] - middle) for n in near]
         step = float(f"{1e3 * SIZE * np.median(away):.2g}")  # mm
         for name in ["", *near] if len(near) > 1 else near:
-            field = difference(_of(knots, LightSize(step), spots=MANY), step, lamp=name)
+            field = rendered(knots, "light_size", name, "spread", step, lamp=name, together=True)
             terms.append(Term("light_size", name, "spread", "mm", t.flat_field / 2, field,
-                              relative=True, low=0.0))  # fmt: skip
+                              relative=True, low=0.0, kind="scene", step=step))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
     for name in ["", *shading] if len(shading) > 1 else shading:
-        field = difference(_of(knots, Shadow(1.0)), 1.0, lamp=name)
+        field = rendered(knots, "shadow", name, "share", 1.0, lamp=name, together=True)
         terms.append(Term("shadow", name, "share", "1", t.flat_field / 2, field, relative=True, low=0.0))
     return terms
 
@@ -84,18 +93,20 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> 
     seen = _counts(conditions, "material_id")
     terms: list[Term] = []
     shiny = [n for n, m in materials.items() if has_lobes(m.brdf)]
+
+    def term(cause: str, name: str, parameter: str, step: float, spike: float, together: bool) -> Term:
+        field = rendered(knots, cause, name, parameter, step, together=together, material=name, among=shiny)
+        start = float(getattr(MODELS[cause](), parameter))
+        return Term(cause, name, parameter, "1", spike, field, start=start, kind="scene", step=abs(step))
+
     for name in (n for n in shiny if seen.get(n, 0) >= LEAST_PIXELS):
         for parameter in ("width", "level"):
             step = _step(materials[name], parameter)
             alike = all(_step(materials[n], parameter) == step for n in shiny)  # one rendering does for all
-            effect = Gloss(**{parameter: 1 + step})
-            field = difference(_of(knots, effect, "" if alike else name), step, material=name, among=shiny)
-            terms.append(Term("gloss", name, parameter, "1", t.gloss, field, start=1.0))
-        field = difference(_of(knots, Anisotropy(1 + RATIO)), RATIO, material=name, among=shiny)
-        terms.append(Term("anisotropy", name, "ratio", "1", t.gloss, field, start=1.0))
+            terms.append(term("gloss", name, parameter, step, t.gloss, alike))
+        terms.append(term("anisotropy", name, "ratio", RATIO, t.gloss, True))
         if isinstance(materials[name].brdf, Lafortune):
-            field = difference(_of(knots, Anisotropy(split=SPLIT)), SPLIT, material=name, among=shiny)
-            terms.append(Term("anisotropy", name, "split", "1", t.gloss / 2, field))
+            terms.append(term("anisotropy", name, "split", SPLIT, t.gloss / 2, True))
     return terms
 
 
@@ -114,22 +125,59 @@ def _step(material: Material, parameter: str) -> float:
 
 
 def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
-    pixels = min(c.mean.shape[0] * c.mean.shape[1] for c in conditions)
+    seen = {n: k for n, k in _counts(conditions, "object_id").items() if k >= LEAST_PIXELS}
+    boxes = {
+        n: np.ptp(bounds(c.shown.scene, n), axis=0) for c in conditions for n in c.shown.scene.object_names
+    }
+    terms: list[Term] = []
+
+    def term(cause: str, name: str, parameter: str, unit: str, spike: float, moves: float) -> Term:
+        """``moves``: mm that a unit moves most of the outline by. What lies on an object would vanish in it if that
+        rose or grew: steps go downwards and inwards."""
+        step = float(f"{OUTLINE * mm_a_px[name] / moves:.2g}")
+        inwards = parameter in ("z", "scale", "height")
+        field = rendered(knots, cause, name, parameter, -step if inwards else step)
+        start = float(getattr(MODELS[cause](), parameter))
+        linear = step * LINEAR / OUTLINE
+        return Term(cause, name, parameter, unit, spike, field, start=start, kind="scene", step=linear)
+
+    mm_a_px = {name: _mm_a_px(conditions, name) for name in seen}
+    outlined = outlines(conditions)
+    chosen = standing(conditions)
+    for name in chosen:
+        spike = t.object_pose_mm
+        if name in outlined:
+            terms += [term("object_pose", name, axis, "mm", spike, 1.0) for axis in "xyz"]
+            reach = 1e3 * float(np.hypot(*boxes[name][:2])) / 2
+            terms.append(term("object_pose", name, "rz", "mrad", 1e3 * spike / reach, 1e-3 * reach / 2))
+        half = 1e3 * float(boxes[name].max()) / 2
+        top = 1e3 * float(boxes[name][2]) / 2  # px of it, as most cameras look down
+        for parameter, moves in (("scale", half), ("height", top)):
+            terms.append(term("geometry", name, parameter, "1", spike / half, moves))
+    return [*terms, *moved_objects(conditions, t, besides=chosen)]
+
+
+def standing(conditions: Sequence[Condition]) -> list[str]:
+    """Objects that have a thickness and do not fill the image, the largest first."""
     seen = {n: k for n, k in _counts(conditions, "object_id").items() if k >= LEAST_PIXELS}
     boxes = {
         n: np.ptp(bounds(c.shown.scene, n), axis=0) for c in conditions for n in c.shown.scene.object_names
     }
     solid = [n for n in seen if boxes[n].min() > FLAT * boxes[n].max() and seen[n] < GROUND * 480 * 360]
-    chosen = sorted(solid, key=lambda n: -seen[n])
-    terms: list[Term] = []
-    for name in chosen[:MOST_OBJECTS]:
-        half_px = np.sqrt(seen[name] * pixels / (480 * 360)) / 2
-        step = float(f"{min(OUTLINE / half_px, 0.1):.2g}")
-        half_mm = 1e3 * float(boxes[name].max()) / 2
-        for parameter in ("scale", "height"):
-            field = difference(_of(knots, Geometry(**{parameter: 1 + step}), name), step, name)
-            terms.append(Term("geometry", name, parameter, "1", t.object_pose_mm / half_mm, field, start=1.0))
-    return terms
+    return sorted(solid, key=lambda n: -seen[n])[:MOST_OBJECTS]
+
+
+def _mm_a_px(conditions: Sequence[Condition], name: str) -> float:
+    """Of the image that shows the object largest, so that no step moves it by more than is meant there."""
+    found = []
+    for c in conditions:
+        names = c.shown.scene.object_names
+        own = c.shown.passes["object_id"] == names.index(name) if name in names else np.zeros(1, bool)
+        if own.any():
+            perspective = c.camera.lens.projection is Projection.PERSPECTIVE
+            far = float(np.median(c.shown.passes["depth"][own])) if perspective else 1.0
+            found.append(1e3 * far / c.camera.K[0, 0])
+    return min(found)
 
 
 def _counts(conditions: Sequence[Condition], of: str) -> dict[str, float]:
@@ -143,41 +191,56 @@ def _counts(conditions: Sequence[Condition], of: str) -> dict[str, float]:
     return found
 
 
-def _of(knots: Knots, effect: Effect, target: str = "", spots: int = SPOTS) -> Changed:
-    return lambda shown: knots.change(shown, effect, target, spots)
-
-
-def difference(
-    changed: Changed,
+def rendered(
+    knots: Knots,
+    cause: str,
+    target: str,
+    parameter: str,
     step: float,
-    target: str = "",
+    *,
+    together: bool = False,
     lamp: str = "",
     material: str = "",
     among: Sequence[str] = (),
 ) -> Field:
-    """DN a unit of the term, where ``changed`` is what ``step`` of it does to a rendering. ``target``: the object it is
-    about; ``lamp``, ``material``: the part of the change that is theirs; "" is all of it.
+    """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it.
 
-    ``among``: materials that the effect changes; the pixels of all others show the edge of one that it does.
+    ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamp``'s
+    or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
+    of this one.
     """
+    start = float(getattr(MODELS[cause](), parameter))
+    once = ((MODELS[cause](**{parameter: start + step}), "" if together else target),)
 
     def field(s: State) -> np.ndarray | None:
         weights = s.shown.weights(s.condition.scene)
         if lamp:
             weights = {n: w for n, w in weights.items() if n == lamp}
-        if not any(w.any() for w in weights.values()) or not _there(s.shown.scene, target, material):
+        if not any(w.any() for w in weights.values()) or not _there(s.shown.scene, target):
             return None
-        radiance = changed(s.shown).radiance(weights, s.camera.sensor.resolution)
-        out = s.per_radiance * s.channels(s.take(radiance)) / np.float32(step)
+        size = s.camera.sensor.resolution
+        here = [i for i, (effect, t) in enumerate(s.scene) if effect.name() == cause and t == target]
+        if here:
+            own = s.scene[here[0]][0]
+            value = float(getattr(own, parameter))
+            more = replace(own, **{parameter: value + step})  # type: ignore[type-var]
+            there = (*s.scene[: here[0]], (more, target), *s.scene[here[0] + 1 :])
+            radiance = knots.change(s.shown, there).radiance(weights, size)
+            return _dn(s, radiance - knots.change(s.shown, s.scene).radiance(weights, size), step)
+        out = _dn(s, knots.change(s.shown, once).radiance(weights, size), step)
         if material:
             names = s.shown.scene.material_names
             others = [names.index(n) for n in among if n != material and n in names]
             out = out * ~np.isin(s.take(s.shown.passes["material_id"]), others)[..., None]
-        return np.asarray(out, np.float32)
+        return out
 
     return field
 
 
-def _there(scene: Scene, target: str, material: str) -> bool:
-    known = {"", *scene.object_names, *scene.material_names}
-    return target in known and material in known
+def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:
+    there = s.channels(s.take(s.placed(radiance)))
+    return np.asarray(s.per_radiance * there / np.float32(step), np.float32)
+
+
+def _there(scene: Scene, target: str) -> bool:
+    return target in {"", *scene.object_names, *scene.material_names, *(x.name for x in scene.lights)}

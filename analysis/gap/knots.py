@@ -1,8 +1,8 @@
-"""What an effect of the scene changes, lamp by lamp, as the difference of two renderings.
+"""What effects of the scene change, lamp by lamp, as the difference of two renderings.
 
 Both are the rasteriser's, whichever renderer a diagnosis simulates with: direct light in a fraction of a second, with
-the same spots of every pixel and lamp in both, so that sampling cancels in the difference. Kept in memory and on disk
-under the content of the scene.
+the same spots of every pixel and lamp in both, so that sampling cancels in the difference. What moves an object alone
+is rendered where that can be seen. Kept in memory and on disk under the content of the scene.
 """
 
 import os
@@ -14,14 +14,26 @@ import cv2
 import numpy as np
 
 from analysis.gap.radiance import Rendered, fingerprint
+from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
 from interchange.effects import Effect
+from interchange.effects.geometry import Geometry
+from interchange.effects.light_position import LightPosition
+from interchange.effects.light_size import LightSize
+from interchange.effects.object_pose import ObjectPose
+from interchange.effects.parts import bounds
 from interchange.effects.shadow import TWIN
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
 
+Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
+
 LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
-SPOTS, MANY = 8, 16  # a pixel; and of a lamp whose size matters: of smaller images up to twice as many
+SPOTS, MANY, SOFT = (
+    8,
+    16,
+    64,
+)  # a pixel: of what shades, moves, has penumbrae; up to twice as many of smaller images
 NOTHING = 1e-4  # of the largest difference: less is rounding of what was stored
 
 
@@ -37,7 +49,7 @@ class Change:
     size: tuple[int, int]
 
     def radiance(self, weights: dict[str, np.ndarray], resolution: tuple[int, int]) -> np.ndarray:
-        """(H, W, 3) float32, each lamp weighted by (3,) numbers."""
+        """(H, W, 3) float32 at ``resolution`` (width, height), each lamp weighted by (3,) numbers."""
         out = np.zeros((self.size[1], self.size[0], 3), np.float32)
         part = out[self.rows, self.columns]
         for name, plane in self.lamps.items():
@@ -47,6 +59,14 @@ class Change:
         if self.size == resolution:
             return out
         return np.asarray(cv2.resize(out, resolution, interpolation=cv2.INTER_LINEAR))
+
+    def placed(self, row: int, column: int) -> "Change":
+        """The same, counted from elsewhere."""
+        return replace(
+            self,
+            rows=slice(self.rows.start + row, self.rows.stop + row),
+            columns=slice(self.columns.start + column, self.columns.stop + column),
+        )
 
 
 class Knots:
@@ -58,23 +78,25 @@ class Knots:
         self.rendered = 0  # images drawn so far
         self._rasterizer: Rasterizer | None = None
         self._scenes: dict[int, Scene] = {}  # which live as long as their ids are used
-        self._changes: dict[tuple[int, Effect | None, str], Change] = {}
-        self._base: dict[tuple[int, int], dict[str, np.ndarray]] = {}
+        self._changes: dict[tuple[int, Changes, float], Change] = {}
+        self._base: dict[tuple[int, int, str], dict[str, np.ndarray]] = {}
 
-    def change(self, shown: Rendered, effect: Effect, target: str = "", spots: int = SPOTS) -> Change:
-        """What ``effect`` on ``target`` adds to what was ``shown``. Raises BrightfieldError and ParameterError."""
-        key = (id(shown.scene), effect, target)
-        if key not in self._changes:
-            self._scenes[id(shown.scene)] = shown.scene
-            self._changes[key] = self._between(shown, effect.on_scene(shown.scene, target), spots)
-        return self._changes[key]
+    def change(self, shown: Rendered, effects: Changes) -> Change:
+        """What ``effects``, one after the other, add to what was ``shown``. Raises BrightfieldError, ParameterError."""
+        return self._kept(shown, effects, 0.0, max((_spots(effect) for effect, _ in effects), default=SPOTS))
 
-    def standing_off(self, shown: Rendered, offset: float, spots: int = SPOTS) -> Change:
+    def standing_off(self, shown: Rendered, offset: float) -> Change:
         """What it adds that shadows are cast on points ``offset`` m above the surfaces."""
-        key = (id(shown.scene), None, str(offset))
+        return self._kept(shown, (), offset, MANY)
+
+    def _kept(self, shown: Rendered, effects: Changes, offset: float, spots: int) -> Change:
+        key = (id(shown.scene), effects, offset)
         if key not in self._changes:
             self._scenes[id(shown.scene)] = shown.scene
-            self._changes[key] = self._between(shown, shown.scene, spots, offset)
+            after = shown.scene
+            for effect, target in effects:
+                after = effect.on_scene(after, target)
+            self._changes[key] = self._between(shown, after, effects, spots, offset)
         return self._changes[key]
 
     def close(self) -> None:
@@ -89,7 +111,7 @@ class Knots:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _between(self, shown: Rendered, after: Scene, spots: int, offset: float = 0.0) -> Change:
+    def _between(self, shown: Rendered, after: Scene, effects: Changes, spots: int, offset: float) -> Change:
         camera = _small(shown.camera)
         width, height = camera.sensor.resolution
         spots = round(spots * float(np.clip(LARGEST / (width * height), 1, 2)))
@@ -100,10 +122,15 @@ class Knots:
         file = self.cache / f"{name[:32]}.knot.npz"
         if file.is_file():
             return _read(file)
-        base = (id(before), spots)
+        part = _part(before, after, effects, camera)
+        eye = cropped(camera, *part) if part else camera
+        base = (id(before), spots, str(part))
         if base not in self._base:
-            self._base[base] = self._lamps(before, camera, spots)
-        change = _difference(self._lamps(scene, camera, spots, offset), self._base[base], camera)
+            self._base[base] = self._lamps(before, eye, spots)
+        change = _difference(self._lamps(scene, eye, spots, offset), self._base[base])
+        if part:
+            change = change.placed(part[0].start, part[1].start)
+        change = replace(change, size=(width, height))
         self.cache.mkdir(parents=True, exist_ok=True)
         _write(file, change)
         return change
@@ -127,7 +154,23 @@ def _small(camera: Camera) -> Camera:
     return replace(camera.resized(max(1, round(width * share))) if share < 1 else camera, t_exp=1.0)
 
 
-def _difference(after: dict[str, np.ndarray], before: dict[str, np.ndarray], camera: Camera) -> Change:
+def _spots(effect: Effect) -> int:
+    if isinstance(effect, LightSize):
+        return SOFT
+    return MANY if isinstance(effect, LightPosition | ObjectPose | Geometry) else SPOTS
+
+
+def _part(before: Scene, after: Scene, effects: Changes, camera: Camera) -> tuple[slice, slice] | None:
+    """Rows and columns that can change; None: all of them."""
+    if not effects or not all(
+        isinstance(effect, ObjectPose | Geometry) and target for effect, target in effects
+    ):
+        return None
+    boxes = [bounds(scene, target) for scene in (before, after) for _, target in effects]
+    return region(after, boxes, camera)
+
+
+def _difference(after: dict[str, np.ndarray], before: dict[str, np.ndarray]) -> Change:
     lamps = {name: plane - before[name] for name, plane in after.items() if name in before}
     most = max((float(np.abs(d).max()) for d in lamps.values()), default=0.0)
     rows = columns = slice(0, 0)
@@ -141,7 +184,8 @@ def _difference(after: dict[str, np.ndarray], before: dict[str, np.ndarray], cam
         for n, d in lamps.items()
         if np.abs(d).max() > NOTHING * scale
     }
-    return Change(kept, scale, rows, columns, camera.sensor.resolution)
+    height, width = next(iter(before.values())).shape[:2] if before else (1, 1)
+    return Change(kept, scale, rows, columns, (width, height))
 
 
 def _write(file: Path, change: Change) -> None:

@@ -10,33 +10,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.knot_terms import difference
-from analysis.gap.knots import MANY, Knots
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
 from interchange.effects.light_beam import beam_axes
-from interchange.effects.light_position import LightPosition
 from interchange.light import Light, LightKind
 
-MOVED = 2.0  # mm, of the step that a lamp's place is told by
 FAR = (LightKind.DISTANT, LightKind.DOME)
 
 
-def light_terms(
-    conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None = None
-) -> list[Term]:
-    """``knots`` draws where shadows and highlights go as a lamp moves; without it the shading alone moves."""
+def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     t = tolerances
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights}
     channels = max(c.mean.shape[2] for c in conditions)
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
-    terms += [
-        Term("light_position", n, "xyz"[axis], "mm", t.light_position_mm, _moved(n, axis, knots))
-        for n in near
-        for axis in range(3)
-    ]
     if near:
         terms.append(Term("light_beam", "", "m", "1", t.flat_field / 2, _beam(near), relative=True))
     terms += [
@@ -117,11 +105,15 @@ def _from_lamp(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
     return d, np.maximum(np.linalg.norm(d, axis=-1, keepdims=True), 1e-6)
 
 
-def _moved(name: str, axis: int, knots: Knots | None) -> Field:
-    if knots is None:
-        return _shading(name, axis)
-    effect = LightPosition(**{"xyz"[axis]: MOVED})
-    return difference(lambda shown: knots.change(shown, effect, spots=MANY), MOVED, lamp=name)
+def shaded(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """The lamps' places where nothing may be rendered: their shading moves, shadows and highlights stay."""
+    near = dict.fromkeys(x.name for c in conditions for x in c.shown.scene.lights if x.kind not in FAR)
+    spike = tolerances.light_position_mm
+    return [
+        Term("light_position", n, "xyz"[axis], "mm", spike, _shading(n, axis))
+        for n in near
+        for axis in range(3)
+    ]
 
 
 def _shading(name: str, axis: int) -> Field:

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from analysis.gap.conditions import Condition
+from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.state import State
-from analysis.gap.terms import Family, Term, families
+from analysis.gap.terms import Term
 
 SIGNAL, GRADIENT, FLOOR = 0.002, 0.025, 0.0015  # f_s, f_g px, f_0
 SAMPLED = (
@@ -65,48 +65,23 @@ def variance(state: State) -> np.ndarray:
     return np.asarray(sensor + (SIGNAL * s) ** 2 + edge * (dx**2 + dy**2) + (FLOOR * mean) ** 2, np.float32)
 
 
-def columns(state: State, terms: Sequence[Term]) -> np.ndarray:
-    """(q, n) float32: what a unit of each term adds to the ``n`` usable values, row by row of ``state``'s pixels."""
-    mask = state.usable
-    out = np.zeros((len(terms), int(mask.sum()) * state.condition.mean.shape[2]), np.float32)
-    for row, term in zip(out, terms, strict=True):
-        column = term.field(state)
-        if column is not None:
-            row[:] = np.asarray(column)[mask].reshape(-1)
-    return out
-
-
-def cells(state: State, found: Sequence[tuple[Family, np.ndarray]]) -> sparse.csr_array | None:
-    """(k, n): what ``columns`` gives, of all families' terms one after the other."""
-    mask = state.usable
-    n, channels = int(mask.sum()), state.condition.mean.shape[2]
-    parts = []
-    for family, index in found:
-        seen = family.cells(state)
-        if seen is None:
-            parts.append(sparse.csr_array((len(index), n * channels), dtype=np.float32))
-            continue
-        ids, share, unit = seen[0][mask], seen[1][mask], seen[2]
-        unit = np.broadcast_to(unit, (*mask.shape, channels))[mask]
-        pixel, which = np.nonzero((ids >= 0) & (share > 0))
-        value = (share[pixel, which][:, None] * unit[pixel]).astype(np.float32)
-        row = np.repeat(ids[pixel, which], channels)
-        column = (pixel[:, None] * channels + np.arange(channels)).reshape(-1)
-        parts.append(sparse.csr_array((value.reshape(-1), (row, column)), shape=(len(index), n * channels)))
-    return sparse.vstack(parts, format="csr") if parts else None
-
-
 def equations(
-    state: State, terms: Sequence[Term], theta: np.ndarray, doubt: np.ndarray | None = None
+    state: State,
+    terms: Sequence[Term],
+    theta: np.ndarray,
+    doubt: np.ndarray | None = None,
+    drawn: Sensitivities | None = None,
 ) -> NormalEquations:
-    """Of one condition. ``theta`` (q,): where the chain and the flow of ``state`` stand; terms count from zero.
+    """Of one condition. ``theta`` (q,): where the chain, the flow and the scene of ``state`` stand; terms count from
+    zero.
 
-    ``doubt`` (h, w, C) DN²: variance that the forms of effects leave, beside ``variance``.
+    ``doubt`` (h, w, C) DN²: variance that the forms of effects leave, beside ``variance``. ``drawn``: sensitivities
+    that are known.
     """
     mask = state.usable
-    found = families(terms)
-    few = np.array([i for i, t in enumerate(terms) if t.family is None], int)
-    X = columns(state, [terms[i] for i in few])
+    if drawn is None:
+        drawn = sensitivities(state, terms)
+    X, S, few, many = drawn.columns, drawn.cells, drawn.few, drawn.many
     r = state.residual[mask].reshape(-1).astype(np.float32) + theta[few].astype(np.float32) @ X
     v = variance(state) if doubt is None else variance(state) + doubt
     w = (1.0 / v)[mask].reshape(-1).astype(np.float32)
@@ -117,9 +92,7 @@ def equations(
     G, b = np.zeros((q, q)), np.zeros(q)
     G[np.ix_(few, few)] = XW @ X.T
     b[few] = XW @ r
-    S = cells(state, found)
     if S is not None:
-        many = np.concatenate([index for _, index in found])
         across = np.asarray(S @ XW.T)
         G[np.ix_(many, few)], G[np.ix_(few, many)] = across, across.T
         SW = S * w[None, :]

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
+from analysis.gap.knots import Changes, Knots
 from analysis.gap.radiance import FINE, Rendered, pixels
 from interchange.effects import Effect
 from interchange.filtering import resample
@@ -25,7 +26,10 @@ class State:
     """``effects`` are in the chain; ``flow`` (H, W, 2) px moves what was rendered (where it goes to, minus where it
     is). ``stride``: sensitivities are taken on every so many rows and columns. ``symmetric``: what a motion changes is
     told by the mean of simulation's and capture's gradients, exact to the second order of the motion (only to fit:
-    it looks at the capture). Benhimane, Malis: Homography-based 2D visual tracking and servoing. IJRR 2007."""
+    it looks at the capture). Benhimane, Malis: Homography-based 2D visual tracking and servoing. IJRR 2007.
+
+    ``scene``: effects of the scene that are in force, as ``knots`` renders them: what they change is added to what was
+    rendered."""
 
     def __init__(
         self,
@@ -34,14 +38,40 @@ class State:
         flow: np.ndarray | None = None,
         stride: int = 1,
         symmetric: bool = False,
+        scene: Changes = (),
+        knots: Knots | None = None,
     ) -> None:
         self.condition, self.effects, self.stride = condition, tuple(effects), stride
         self.symmetric = symmetric and not condition.shown.fine
-        self.flow = flow
+        self.flow, self.scene = flow, scene
         self.camera, self.shown = condition.camera, condition.shown
+        self.change = knots.change(condition.shown, scene) if knots is not None and scene else None
         if flow is not None:
             self.shown = moved(self.shown, flow)[HERE]
+        self.shown = self._changed(self.shown, HERE)
         self.moved = replace(condition, rendered=self.shown)
+
+    def _changed(self, shown: Rendered, way: tuple[int, int]) -> Rendered:
+        """With what the effects of the scene change, ``way`` (columns, rows) steps of the finer grid further."""
+        if self.change is None:
+            return shown
+        lamps = dict(shown.lamps)
+        for name in set(lamps) & set(self.change.lamps):
+            added = self.change.radiance({name: np.ones(3)}, self.camera.sensor.resolution)
+            lamps[name] = np.maximum(lamps[name] + self.placed(added, way), 0)
+        return replace(shown, lamps=lamps)
+
+    def placed(self, plane: np.ndarray, way: tuple[int, int] = HERE) -> np.ndarray:
+        """(H, W, 3): what was rendered where the scene says, moved as the image is."""
+        if self.flow is None and way == HERE:
+            return plane
+        h, w = plane.shape[:2]
+        x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+        if self.flow is not None:
+            x, y = x - self.flow[..., 0].astype(np.float32), y - self.flow[..., 1].astype(np.float32)
+        return resample(
+            np.ascontiguousarray(plane), x - np.float32(way[0] / FINE), y - np.float32(way[1] / FINE)
+        )
 
     def take(self, plane: np.ndarray) -> np.ndarray:
         return plane[:: self.stride, :: self.stride]
@@ -108,10 +138,8 @@ class State:
         slopes = []
         for axis in ((1, 0), (0, 1)):
             ahead, behind = (
-                replace(self.condition, rendered=views[sign * axis[0], sign * axis[1]])
-                .simulated(self.effects)
-                .dn
-                for sign in (-1, 1)
+                replace(self.condition, rendered=self._changed(views[way], way)).simulated(self.effects).dn
+                for way in ((-axis[0], -axis[1]), axis)
             )
             slopes.append(self.take((ahead - behind) * np.float32(FINE / 2)))
         return slopes[0], slopes[1]

@@ -37,7 +37,8 @@ class Term:
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
     it gives to the image, over the signal. ``power``: the parameter is the term to the power 1 / ``power``.
     ``low``: the least value the term may have. ``kind``: "chain" (an effect in ``interchange.effects``), "flow" (moves
-    the image), "linear", or "cell" (number ``cell`` of ``family``, which has no ``field``).
+    the image), "scene" (an effect that is rendered; up to ``step`` it counts as linear), "linear", or "cell" (number
+    ``cell`` of ``family``, which has no ``field``).
     """
 
     cause: str
@@ -56,6 +57,7 @@ class Term:
     t_exp: float = (
         0.0  # s: the exposure that the parameter is told at, where it grows with it; 0 where it does not
     )
+    step: float = 0.0
     family: Family | None = None
     cell: int = 0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.gap.conditions import Condition
-from analysis.gap.fit import Model
+from analysis.gap.model import Model
 from analysis.gap.radiance import Render, render_all
 from analysis.gap.shrinkage import Yardstick
 from interchange.formats.document import open_scene

@@ -12,9 +12,9 @@ from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.diagnosis import record
 from analysis.gap.expected import mean_dn, noise_variance
-from analysis.gap.fit import Model
 from analysis.gap.geometry_terms import geometry_terms
-from analysis.gap.light_terms import light_terms
+from analysis.gap.light_terms import shaded
+from analysis.gap.model import Model
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
@@ -238,7 +238,7 @@ def shown(folder: Path, document: Document, null: Diagnosed) -> list[State]:
 def test_a_lamp_that_moves_changes_what_its_terms_say(shown: list[State], axis: int) -> None:
     """Against differences of S ∝ n · d / r³, where the lamp does not graze."""
     state = shown[0]
-    terms = {t.key: t for t in light_terms([state.condition], Tolerances())}
+    terms = {t.key: t for t in shaded([state.condition], Tolerances())}
     lamp = next(x for x in state.shown.scene.lights if x.name == "/World/LED0").world_from_light[:3, 3]
 
     def falls(at: np.ndarray) -> np.ndarray:

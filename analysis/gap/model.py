@@ -1,0 +1,82 @@
+"""A simulation with corrections: where the chain, the image and the scene stand, and what is added to them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.gap.chain_terms import effects_at
+from analysis.gap.conditions import Condition
+from analysis.gap.knots import Changes, Knots
+from analysis.gap.radiance import Rendered
+from analysis.gap.state import State
+from analysis.gap.terms import Term, added
+from interchange.effects import MODELS, Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """``theta`` (q,) of ``terms``, around ``at`` (q,), where chain, flow and scene stand. ``knots`` renders what the
+    scene changes; without it no term of the scene may stand elsewhere than at zero."""
+
+    terms: tuple[Term, ...]
+    theta: np.ndarray
+    at: np.ndarray
+    knots: Knots | None = None
+
+    def state(self, condition: Condition, stride: int = 1, symmetric: bool = False) -> State:
+        return State(
+            condition,
+            self.effects(condition),
+            self.flow(condition),
+            stride,
+            symmetric,
+            self.scene,
+            self.knots,
+        )
+
+    def effects(self, condition: Condition) -> list[Effect]:
+        values = {t.key: float(x) for t, x in zip(self.terms, self.at, strict=True)}
+        return effects_at(self.terms, values, State(condition))
+
+    @cached_property
+    def scene(self) -> Changes:
+        """The effects of the scene that are not at zero, each with what it is about."""
+        values: dict[tuple[str, str], dict[str, float]] = {}
+        for term, x in zip(self.terms, self.at, strict=True):
+            if term.kind == "scene" and x:
+                values.setdefault(term.candidate, {})[term.parameter] = term.value(float(x))
+        return tuple((MODELS[cause](**given), target) for (cause, target), given in values.items())
+
+    def flow(self, condition: Condition) -> np.ndarray | None:
+        """(H, W, 2) px that the image moves by; conditions that share a rendering share it."""
+        moving = [(t, x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "flow" and x]
+        if not moving:
+            return None
+        key = id(condition.shown)
+        if key not in self._flows:
+            self._flows[key] = condition.shown, self._flow(State(condition), moving)
+        return self._flows[key][1]
+
+    @cached_property
+    def _flows(self) -> dict[int, tuple[Rendered, np.ndarray]]:
+        return {}
+
+    def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
+        total = np.zeros((*state.condition.mean.shape[:2], 2))
+        for term, x in moving:
+            found = term.flow(state) if term.flow is not None else None
+            if found is not None:
+                total += x * np.stack(found, axis=-1)
+        return total
+
+    def simulated(self, condition: Condition, stride: int = 1) -> np.ndarray:
+        """(H, W, C): expected DN of a condition with every correction, on every ``stride``-th pixel."""
+        state = self.state(condition, stride)
+        return state.take(state.simulation.dn) + added(state, self.terms, self.theta - self.at)
+
+    def without(self, index: np.ndarray) -> "Model":
+        theta, at = self.theta.copy(), self.at.copy()
+        theta[index], at[index] = 0.0, 0.0
+        return replace(self, theta=theta, at=at)
