@@ -54,7 +54,7 @@ class Lens:
         if self.model is LensModel.FISHEYE and self.projection is not Projection.PERSPECTIVE:
             raise ParameterError(f"A fisheye lens must be perspective; got {self.projection}.")
         freeze_numbers(self, vignetting=2, lateral_chromatic_aberration=4, axial_chromatic_aberration=3)
-        freeze_numbers(self, veiling_glare=3, field_blur=4, measured_blur=None)
+        freeze_numbers(self, veiling_glare=4, field_blur=4, measured_blur=None)
         object.__setattr__(self, "diffraction", bool(self.diffraction))
 
     @property

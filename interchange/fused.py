@@ -5,7 +5,7 @@ them one after the other, which is the definition.
     read-out   glare, noise, fixed patterns, full well, gain, rounding, white balance: one pass over the sites
     colours    mosaic to colours, matrix and curve: one pass; then JPEG
 
-Light is linear up to the site: glare E' = (1 - g) E + g V is drawn from sums of E and added in electrons.
+Light is linear up to the site: glare E' = (1 - g) E + V is drawn from sums of E and added in electrons.
 """
 
 from collections.abc import Sequence
@@ -78,12 +78,12 @@ class Sites:
         from interchange import readout_kernels, site_kernels  # Numba comes with them
 
         height, width, channels = pixels.shape
-        g = self.glare.share if self.glare else 0.0
+        glare = self.glare if self.glare and self.glare.is_there else None
         weights = self.weights if channels == 3 else self.weights.sum(axis=2, keepdims=True)
         here = np.zeros((2, 2, 3), np.float32)
-        here[..., :channels] = (1 - g) * weights
+        here[..., :channels] = (1 - (glare.share if glare else 0.0)) * weights
         alike = channels == 1 and bool(np.all(here == here[0, 0]))
-        cells = self.glare.cells(height, width) if self.glare else (1, 1)
+        cells = glare.cells(height, width) if glare else (1, 1)
         out = np.empty((height, width), np.float32)
         sums: dict[int, np.ndarray] = {}
 
@@ -94,18 +94,18 @@ class Sites:
             else:
                 a, b, c = planes if channels == 3 else planes * 3
                 site_kernels.measured(a, b, c, out[start:stop], start, here, pad)
-            if g:
+            if glare:
                 sums[start] = part = np.zeros((channels, *cells))
                 for k in range(channels):
                     site_kernels.binned(planes[k], start, height, part[k], pad)
 
         each_band(work, height, BAND // ROWS)
-        if self.glare and g:
+        if glare:
             light = np.sum([sums[start] for start in sorted(sums)], axis=0) * (
                 cells[0] * cells[1] / (height * width)
             )
-            spread = self.glare.spread(np.moveaxis(light, 0, -1).astype(np.float32), height, width)
-            veil = np.einsum("ijc,hwc->ijhw", g * weights, spread).astype(np.float32)
+            spread = glare.spread(np.moveaxis(light, 0, -1).astype(np.float32), height, width)
+            veil = np.einsum("ijc,hwc->ijhw", weights, spread).astype(np.float32)
 
             def veiled(start: int, stop: int) -> None:
                 readout_kernels.veiled(out[start:stop], start, height, veil)

@@ -4,7 +4,7 @@ What is linear is linear everywhere; the image chain and what moves the image ar
 stands, from more than one start, and the starts compare by their whole log Z.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,8 +29,9 @@ from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
-STARTS, ROUNDS = 4, 3
-REGISTRATIONS, REFINEMENTS = 2, 8
+STARTS, ROUNDS = 5, 3
+REGISTRATIONS, REFINEMENTS = 2, 6
+MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
@@ -97,7 +98,8 @@ def fit(
     none = next(h for h in first.hypotheses if not h.causes)
     if first.best.causes:
         gain = first.best.score - none.score
-        starts = _starts(first.hypotheses)[: STARTS if gain > WORTH else 1]
+        rendered = {t.candidate for t in search.terms if t.kind == "scene"}
+        starts = _starts(first.hypotheses, rendered)[: STARTS if gain > WORTH else 1]
         for k, start in enumerate(starts):
             if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
@@ -151,7 +153,7 @@ class _Search:
         kept = dict(first.kept)
         for _ in range(ROUNDS):
             members = {c: stand.evidence.members[c] for c in best.causes}
-            theta, at = self.refined(best.causes, members, theta, kept)
+            theta, at = self.refined(best.causes, members, theta, kept, stand is first)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before, theta_before = best, theta
             stand = self.stand(at, changes, what, kept)
@@ -169,21 +171,23 @@ class _Search:
         members: dict[Cause, np.ndarray],
         theta: np.ndarray,
         kept: dict[str, Sensitivities],
+        anew: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton), registered with it:
-        what moves is looked for from the scene as written, as registration without it has moved something else."""
+        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton). ``anew``: registered
+        with it; what moves is looked for from the scene as written, as registration without it has moved another thing.
+        """
         at = self.start(members, theta)
         bent = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
         if not bent:
             return theta, at
-        if any(self.terms[i].kind in ("flow", "scene") for i in bent):
+        if anew and any(self.terms[i].kind in ("flow", "scene") for i in bent):
             at = np.zeros(self.q)
         own = np.array(
             [i for i, t in enumerate(self.terms) if t.candidate in members or i in self.registering]
         )
         place = {int(i): k for k, i in enumerate(own)}
         terms = [self.terms[i] for i in own]
-        anew = {place[i] for i in place if i in bent or self.terms[i].kind == "flow"}
+        redrawn = {place[i] for i in place if i in bent or self.terms[i].kind == "flow"}
         near = {name: s.of(own) for name, s in kept.items()}
         best, step, aim = -np.inf, 1.0, at
         here, spike = at, np.zeros(self.q)
@@ -193,7 +197,7 @@ class _Search:
             for c in self.conditions:
                 state = model.state(c, self.stride)
                 if state.usable.any():
-                    near[c.name] = sensitivities(state, terms, near.get(c.name), anew)
+                    near[c.name] = sensitivities(state, terms, near.get(c.name), redrawn)
                     parts.append(equations(state, terms, at[own], drawn=near[c.name]))
             there = Evidence(total_of(parts), terms)
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
@@ -223,17 +227,21 @@ class _Search:
         """Where the next linearisation stands: all that moves the image, and the terms of the causes that the chain or
         a rendering can follow, as found."""
         at = np.array([x if t.kind == "flow" else 0.0 for t, x in zip(self.terms, theta, strict=False)])
+        rendered = []
         for index in members.values():
             for i in index:
                 if self.terms[i].kind == "chain":
                     at[i] = max(theta[i], self.terms[i].low)
             scene = [i for i in index if self.terms[i].kind == "scene"]
-            if any(abs(theta[i]) > self.terms[i].step for i in scene):
-                there = at.copy()
-                for i in scene:
-                    there[i] = float(f"{max(theta[i], self.terms[i].low):.2g}")
-                if self._can_stand(there):
-                    at = there
+            away = max((abs(theta[i]) / self.terms[i].step for i in scene), default=0.0)
+            if away > 1:
+                rendered.append((away, scene))
+        for _, scene in sorted(rendered, key=lambda x: -x[0])[:MOST_RENDERED]:
+            there = at.copy()
+            for i in scene:
+                there[i] = float(f"{max(theta[i], self.terms[i].low):.2g}")
+            if self._can_stand(there):
+                at = there
         return at
 
     def _can_stand(self, at: np.ndarray) -> bool:
@@ -288,13 +296,15 @@ class _Search:
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 
-def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best has."""
+def _starts(hypotheses: Sequence[Hypothesis], rendered: Collection[Cause]) -> list[Hypothesis]:
+    """The best one, pair and single, whose forms have not been in doubt yet; the best without what the best has; and
+    the best single cause of those that are ``rendered``, which no linearisation does justice where they are large."""
     found = [hypotheses[0]]
     for size in (2, 1):
         found += [h for h in hypotheses if len(h.causes) == size and h not in found][:1]
     taken = set(hypotheses[0].causes)
     found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
+    found += [h for h in hypotheses if len(h.causes) == 1 and h.causes[0] in rendered and h not in found][:1]
     return found
 
 

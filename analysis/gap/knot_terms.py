@@ -19,11 +19,11 @@ from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes
 from interchange.camera import Projection
 from interchange.captures import Tolerances
-from interchange.effects import MODELS
+from interchange.effects import MODELS, Effect
 from interchange.effects.parts import bounds
 from interchange.light import LightKind
 from interchange.material import Material
-from interchange.parameter import ParameterError
+from interchange.parameter import ParameterError, parameters
 from interchange.scene import Scene
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
@@ -37,6 +37,7 @@ OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
+FAR = 2.0  # steps: where a column told at home says little of what more does
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
 
 
@@ -203,7 +204,8 @@ def rendered(
     material: str = "",
     among: Sequence[str] = (),
 ) -> Field:
-    """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it.
+    """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
+    scene stands ``FAR`` steps away, from there.
 
     ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamp``'s
     or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
@@ -220,10 +222,9 @@ def rendered(
             return None
         size = s.camera.sensor.resolution
         here = [i for i, (effect, t) in enumerate(s.scene) if effect.name() == cause and t == target]
-        if here:
+        if here and _away(s.scene[here[0]][0], parameter) > FAR * abs(step):
             own = s.scene[here[0]][0]
-            value = float(getattr(own, parameter))
-            more = replace(own, **{parameter: value + step})  # type: ignore[type-var]
+            more = replace(own, **{parameter: getattr(own, parameter) + step})  # type: ignore[type-var]
             there = (*s.scene[: here[0]], (more, target), *s.scene[here[0] + 1 :])
             radiance = knots.change(s.shown, there).radiance(weights, size)
             return _dn(s, radiance - knots.change(s.shown, s.scene).radiance(weights, size), step)
@@ -235,6 +236,13 @@ def rendered(
         return out
 
     return field
+
+
+def _away(effect: Effect, parameter: str) -> float:
+    """How far it is from not being there, by all parameters of this one's unit."""
+    about, none = parameters(type(effect)), type(effect)()
+    alike = [n for n, p in about.items() if p.unit == about[parameter].unit]
+    return max(abs(getattr(effect, n) - getattr(none, n)) for n in alike)
 
 
 def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:

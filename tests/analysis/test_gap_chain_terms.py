@@ -74,6 +74,6 @@ def test_a_product_gives_the_second_way_its_sign() -> None:
 
 def test_glare_is_told_by_what_goes_far_and_what_stays_near(condition: Condition) -> None:
     terms = [t for t in chain_terms(State(condition), Tolerances()) if t.cause == "veiling_glare"]
-    assert [t.parameter for t in terms] == ["g", "halo"]
-    theta = fitted(terms, condition, VeilingGlare(0.02, 0.03), {})
-    assert theta == pytest.approx({"g": 0.02, "halo": 0.03}, rel=1e-3)
+    assert [t.parameter for t in terms] == ["g", "halo", "lost"]
+    theta = fitted(terms, condition, VeilingGlare(0.02, 0.03, 0.0, 0.01), {})
+    assert theta == pytest.approx({"g": 0.02, "halo": 0.03, "lost": 0.01}, rel=1e-3)

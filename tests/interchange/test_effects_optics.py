@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.stats import norm
 
 from interchange.camera import Camera, Lens, Sensor
 from interchange.effects import line_scan
@@ -221,6 +222,21 @@ def test_glare_is_a_share_of_the_mean():
     near = VeilingGlare(halo=0.03, reach=0.03).apply(Image(L), c, None).pixels
     assert near[40, 52, 0] > 5 * near[40, 95, 0] > 0
     assert near.mean() == pytest.approx(L.mean(), rel=0.01)
+
+
+def test_a_halo_lacks_what_would_come_from_beside_an_image_in_the_dark():
+    """Of an even image nothing in its middle; half a pixel from a border Φ(-1/2σ) of each Gaussian, from two of them
+    what two independent ones leave. They are drawn on coarser cells: to 3 % of the halo."""
+    L = np.ones((400, 400, 1), np.float32)
+    c = replace(CAMERA, sensor=Sensor((400, 400)))
+    out = VeilingGlare(halo=0.1, reach=0.01, lost=0.1).apply(Image(L), c, None).pixels[..., 0]
+    sigma = 0.01 * np.hypot(400, 400) * np.array([0.5, 1, 2, 4])
+    beside = norm.cdf(-0.5 / sigma)
+    assert out[200, 200] == pytest.approx(1, abs=1e-4)
+    assert out[200, 0] == pytest.approx(1 - 0.1 * np.mean(beside), abs=3e-3)
+    assert out[0, 0] == pytest.approx(1 - 0.1 * np.mean(1 - (1 - beside) ** 2), abs=3e-3)
+    part = VeilingGlare(halo=0.1, reach=0.01, lost=0.04).apply(Image(L), c, None).pixels[..., 0]
+    assert 1 - part[200, 0] == pytest.approx(0.4 * (1 - out[200, 0]), rel=1e-3)
 
 
 @pytest.mark.parametrize("path", [(6.0, 0.0), (0.0, 3.5), (4.0, -3.0), (0.4, 0.2)])

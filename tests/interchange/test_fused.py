@@ -33,7 +33,7 @@ FULL = replace(
     lateral_chromatic_aberration=(2e-3, -3e-3, 1e-3),
     axial_chromatic_aberration=(2.0, 0.0, 3.0),
     field_blur=(0.5, 4.0, 2.0, 0.4),
-    veiling_glare=(0.02, 0.01, 0.1),
+    veiling_glare=(0.02, 0.01, 0.1, 0.006),
 )
 
 

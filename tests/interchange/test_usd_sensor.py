@@ -27,7 +27,7 @@ LENS = Lens(
     field_blur=(0.5, -3.1, 1.7, 0.4),
     measured_blur=(0.0, 0.6, 0.61, 1.0, 1.7, 1.1),
     diffraction=True,
-    veiling_glare=(0.013, 0.004, 0.21),
+    veiling_glare=(0.013, 0.004, 0.21, 0.003),
 )
 SENSOR = Sensor(
     resolution=(128, 96),
