@@ -31,6 +31,7 @@ from analysis.gap.radiance import Render, render_all
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
 from analysis.gap.verify import verified
 from interchange.captures import Captures
+from interchange.effects.parts import called
 from interchange.formats.document import Document
 from interchange.problems import BrightfieldError
 
@@ -212,7 +213,7 @@ def _findings(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
                 continue
             if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
                 value = -value
-            target = term.target.rsplit("/", 1)[-1]
+            target = called(term.target)
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
         if in_places := [i for i in index if fitted.terms[i].family is not None]:
             estimates["rms in places"] = _rms(fitted, in_places)
@@ -278,7 +279,7 @@ def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
         theta = fitted.after.theta[index]
         sub = fitted.evidence.e.G[np.ix_(index, index)]
         rms = float(np.sqrt(max(theta @ sub @ theta, 0) / fitted.evidence.e.signal))
-        words = cause[0] + (f" {cause[1].rsplit('/', 1)[-1]}" if cause[1] else "")
+        words = cause[0] + (f" {called(cause[1])}" if cause[1] else "")
         largest = fitted.terms[index[int(np.argmax(np.abs(theta) * fitted.evidence.share[index]))]]
         out.append((f"{words}: {100 * rms:.1f} % of the signal, most of it in {largest.parameter}", p))
     sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)

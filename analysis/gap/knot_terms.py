@@ -20,7 +20,7 @@ from interchange.brdf.lobes import has_lobes
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
-from interchange.effects.parts import bounds
+from interchange.effects.parts import SEVERAL, bounds, members
 from interchange.light import LightKind
 from interchange.material import Material
 from interchange.parameter import ParameterError, parameters
@@ -29,6 +29,7 @@ from interchange.scene import Scene
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
 MOST_OBJECTS = 6  # that are moved and resized by renderings: the largest in the image
+MOST_GROUPS = 2  # of objects that are one
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
 FLAT = 0.02  # thickness over length of what is printed on something, whose size is not its own
@@ -126,36 +127,66 @@ def _step(material: Material, parameter: str) -> float:
 
 
 def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
-    seen = {n: k for n, k in _counts(conditions, "object_id").items() if k >= LEAST_PIXELS}
-    boxes = {
-        n: np.ptp(bounds(c.shown.scene, n), axis=0) for c in conditions for n in c.shown.scene.object_names
-    }
     terms: list[Term] = []
 
-    def term(cause: str, name: str, parameter: str, unit: str, spike: float, moves: float) -> Term:
+    def term(
+        cause: str, name: str, parameter: str, unit: str, spike: float, moves: float, mm_a_px: float
+    ) -> Term:
         """``moves``: mm that a unit moves most of the outline by. What lies on an object would vanish in it if that
         rose or grew: steps go downwards and inwards."""
-        step = float(f"{OUTLINE * mm_a_px[name] / moves:.2g}")
+        step = float(f"{OUTLINE * mm_a_px / moves:.2g}")
         inwards = parameter in ("z", "scale", "height")
         field = rendered(knots, cause, name, parameter, -step if inwards else step)
         start = float(getattr(MODELS[cause](), parameter))
         linear = step * LINEAR / OUTLINE
         return Term(cause, name, parameter, unit, spike, field, start=start, kind="scene", step=linear)
 
-    mm_a_px = {name: _mm_a_px(conditions, name) for name in seen}
     outlined = outlines(conditions)
     chosen = standing(conditions)
-    for name in chosen:
-        spike = t.object_pose_mm
-        if name in outlined:
-            terms += [term("object_pose", name, axis, "mm", spike, 1.0) for axis in "xyz"]
-            reach = 1e3 * float(np.hypot(*boxes[name][:2])) / 2
-            terms.append(term("object_pose", name, "rz", "mrad", 1e3 * spike / reach, 1e-3 * reach / 2))
-        half = 1e3 * float(boxes[name].max()) / 2
-        top = 1e3 * float(boxes[name][2]) / 2  # px of it, as most cameras look down
-        for parameter, moves in (("scale", half), ("height", top)):
-            terms.append(term("geometry", name, parameter, "1", spike / half, moves))
+    spike = t.object_pose_mm
+    for name in [*chosen, *together(conditions)]:
+        px = _mm_a_px(conditions, name)
+        size = 1e3 * np.ptp(_box(conditions, name), axis=0)
+        if any(n in outlined for n in members(list(outlined), name)):
+            terms += [term("object_pose", name, axis, "mm", spike, 1.0, px) for axis in "xyz"]
+            reach = float(np.hypot(*size[:2])) / 2
+            terms.append(term("object_pose", name, "rz", "mrad", 1e3 * spike / reach, 1e-3 * reach / 2, px))
+        if name in chosen:
+            half, top = float(size.max()) / 2, float(size[2]) / 2  # px of it, as most cameras look down
+            for parameter, moves in (("scale", half), ("height", top)):
+                terms.append(term("geometry", name, parameter, "1", spike / half, moves, px))
     return [*terms, *moved_objects(conditions, t, besides=chosen)]
+
+
+def together(conditions: Sequence[Condition]) -> list[str]:
+    """Targets of several objects that are one workpiece: those under one prim, and those that move alike from one
+    condition to another; the largest first."""
+    scenes = list({id(c.shown.scene): c.shown.scene for c in conditions}.values())
+    names = list(dict.fromkeys(n for s in scenes for n in s.object_names))
+    found: dict[frozenset[str], str] = {}
+    parents = {n[:k] for n in names for k, letter in enumerate(n) if letter == "/" and k}
+    for parent in sorted(parents, key=len):
+        found.setdefault(frozenset(members(names, parent)), parent)
+    places = [{b.name: b.world_from_body for b in s.bodies} for s in scenes]
+    ways: dict[bytes, list[str]] = {}
+    for name in (n for n in names if all(n in p for p in places)):
+        way = np.stack([p[name] @ np.linalg.inv(places[0][name]) for p in places]).round(6)
+        if np.abs(way - np.eye(4)).max() > 0:
+            ways.setdefault((way + 0.0).tobytes(), []).append(name)
+    for alike in ways.values():
+        found.setdefault(frozenset(alike), SEVERAL.join(alike))
+    seen = _counts(conditions, "object_id")
+    pixels = {target: sum(seen.get(n, 0.0) for n in group) for group, target in found.items()}
+    several = [target for group, target in found.items() if 1 < len(group) < len(names)]
+    return sorted((x for x in several if pixels[x] >= LEAST_PIXELS), key=lambda x: -pixels[x])[:MOST_GROUPS]
+
+
+def _box(conditions: Sequence[Condition], target: str) -> np.ndarray:
+    return next(
+        bounds(c.shown.scene, target)
+        for c in conditions
+        if all(members(c.shown.scene.object_names, one) for one in target.split(SEVERAL))
+    )
 
 
 def standing(conditions: Sequence[Condition]) -> list[str]:
@@ -173,7 +204,7 @@ def _mm_a_px(conditions: Sequence[Condition], name: str) -> float:
     found = []
     for c in conditions:
         names = c.shown.scene.object_names
-        own = c.shown.passes["object_id"] == names.index(name) if name in names else np.zeros(1, bool)
+        own = np.isin(c.shown.passes["object_id"], [names.index(n) for n in members(names, name)])
         if own.any():
             perspective = c.camera.lens.projection is Projection.PERSPECTIVE
             far = float(np.median(c.shown.passes["depth"][own])) if perspective else 1.0
@@ -251,4 +282,5 @@ def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:
 
 
 def _there(scene: Scene, target: str) -> bool:
-    return target in {"", *scene.object_names, *scene.material_names, *(x.name for x in scene.lights)}
+    known = [*scene.object_names, *scene.material_names, *(x.name for x in scene.lights)]
+    return not target or all(members(known, one) for one in target.split(SEVERAL))

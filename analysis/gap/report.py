@@ -15,6 +15,7 @@ from analysis.gap.ledger import NOISE, Share
 from analysis.gap.report_pictures import gap_map, shown, waterfall
 from analysis.gap.report_words import evidence, meaning, next_captures, number, plain, sentence, why, why_not
 from interchange.captures import Captures
+from interchange.effects.parts import called
 from interchange.parameter import parameters
 
 SHOWN = 4  # captures
@@ -247,7 +248,7 @@ def _smallest(d: Diagnosis) -> str:
     rows = []
     for x in d.smallest:
         at = f"{100 * x.severity:.2g} %" if np.isfinite(x.severity) else "never"
-        where = x.cause[1].rsplit("/", 1)[-1]
+        where = called(x.cause[1])
         rows.append(
             f"<tr><td>{html.escape(plain(x.cause[0]))}</td><td class=n>{at}</td><td>{html.escape(where)}</td></tr>"
         )

@@ -11,7 +11,8 @@ An effect of the image chain takes an image of its stage's quantity and gives on
 ``SCENE`` and ``MATERIAL`` effects, and the lens where it bends rays, change what is rendered; ``expose`` leaves them
 alone. In place of ``apply`` they have ``on_scene``, which gives the scene to be rendered instead, or, where no scene
 can say the effect, ``on_radiance``, which gives a rendering after it. ``target`` is the prim path of the lamp, object,
-material or camera that they are about, or its last part; "" is all of them.
+material or camera that they are about, or its last part, or several (``interchange.effects.parts.members``); "" is all
+of them.
 
 Their parameters are what reality differs by from what the scene says, in the units that rigs are measured in: mm, mrad,
 factors. Within a stage light meets the effect of lower ``order`` first. The defaults of a model are the effect that

@@ -30,7 +30,7 @@ class Geometry(Effect):
             return scene
 
         def change(body: Body) -> Body:
-            low, high = bounds(scene, body.name)
+            low, high = bounds(scene, target or body.name)
             fixed = np.array([*(low[:2] + high[:2]) / 2, low[2]])
             grown = np.diag([self.scale, self.scale, self.scale * self.height, 1.0])
             grown[:3, 3] = fixed - np.diag(grown)[:3] * fixed

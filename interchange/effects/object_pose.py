@@ -1,4 +1,7 @@
-"""An object lies elsewhere than the scene says: moved, and turned about the vertical through its middle."""
+"""An object lies elsewhere than the scene says: moved, and turned about the vertical through its middle.
+
+Several objects named together are one that moves as a whole: a workpiece of many parts.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -34,7 +37,7 @@ class ObjectPose(Effect):
         turned[:2, :2] = [[c, -s], [s, c]]
 
         def change(body: Body) -> Body:
-            middle = bounds(scene, body.name).mean(axis=0)
+            middle = bounds(scene, target or body.name).mean(axis=0)
             there = turned.copy()
             there[:3, 3] = middle - turned[:3, :3] @ middle + 1e-3 * np.array([self.x, self.y, self.z])
             return replace(body, world_from_body=there @ body.world_from_body)

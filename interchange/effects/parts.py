@@ -1,6 +1,6 @@
 """The records of a scene that an effect is about, exchanged: all others stay the same objects."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ from interchange.problems import BrightfieldError, did_you_mean
 from interchange.scene import Body, Scene
 
 T = TypeVar("T")
+SEVERAL = " + "  # between targets
 
 
 def with_lights(scene: Scene, target: str, change: Callable[[Light], Light]) -> Scene:
@@ -26,7 +27,7 @@ def with_cameras(scene: Scene, target: str, change: Callable[[Camera], Camera]) 
 
 
 def with_bodies(scene: Scene, target: str, change: Callable[[Body], Body]) -> Scene:
-    """``target``: an object, which may be several bodies."""
+    """``target``: an object, which may be several bodies, or several objects."""
     chosen = _chosen("object", target, scene.object_names)
     return replace(scene, bodies=tuple(change(x) if x.name in chosen else x for x in scene.bodies))
 
@@ -51,8 +52,22 @@ def once(done: dict[int, T], thing: T, change: Callable[[T], T]) -> T:
 
 
 def bounds(scene: Scene, target: str) -> np.ndarray:
-    """(2, 3) m: lowest and highest world coordinates of an object."""
-    return replace(scene, bodies=tuple(b for b in scene.bodies if b.name == target)).bounds
+    """(2, 3) m: lowest and highest world coordinates of an object, or of several together."""
+    chosen = _chosen("object", target, scene.object_names)
+    return replace(scene, bodies=tuple(b for b in scene.bodies if b.name in chosen)).bounds
+
+
+def members(names: Sequence[str], target: str) -> list[str]:
+    """Those of ``names`` that ``target`` is about: a prim path or its last part, with all that is under it, or several
+    of them with " + " between."""
+    wanted = target.split(SEVERAL)
+    return [n for n in names if any(w in (n, n.rsplit("/", 1)[-1]) or n.startswith(f"{w}/") for w in wanted)]
+
+
+def called(target: str) -> str:
+    """A target for people: its last part; of several the first, and how many more there are."""
+    first, *more = target.split(SEVERAL)
+    return first.rsplit("/", 1)[-1] + (f" and {len(more)} more" if more else "")
 
 
 def scaled(texture: Texture, factor: float | np.ndarray) -> Texture:
@@ -65,8 +80,8 @@ def _chosen(kind: str, target: str, names: Iterable[str]) -> set[str]:
     known = list(names)
     if not target:
         return set(known)
-    found = {n for n in known if target in (n, n.rsplit("/", 1)[-1])}
-    if not found:
-        hint = did_you_mean(target, known)
-        raise BrightfieldError(f'An effect\'s target must be a {kind} of the scene; got "{target}".{hint}')
-    return found
+    for one in target.split(SEVERAL):
+        if not members(known, one):
+            hint = did_you_mean(one, known)
+            raise BrightfieldError(f'An effect\'s target must be a {kind} of the scene; got "{one}".{hint}')
+    return set(members(known, target))

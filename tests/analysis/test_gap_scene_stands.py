@@ -10,7 +10,7 @@ import pytest
 
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.fit import fit
-from analysis.gap.knot_terms import knot_terms, standing
+from analysis.gap.knot_terms import knot_terms, standing, together
 from analysis.gap.knots import MANY, Knots
 from analysis.gap.model import Model
 from analysis.gap.radiance import render_all
@@ -20,7 +20,7 @@ from analysis.gap.state import State
 from interchange.camera import Camera
 from interchange.captures import Tolerances
 from interchange.effects.object_pose import ObjectPose
-from interchange.effects.parts import bounds
+from interchange.effects.parts import SEVERAL, bounds
 from interchange.formats import captures as captures_file
 from interchange.formats import images
 from interchange.formats.document import open_scene
@@ -155,3 +155,30 @@ def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterize
     assert own["y"] == pytest.approx(MOVED.y, abs=0.3)
     assert isinstance(done.after, Model)
     assert done.after.scene
+
+
+def test_parts_that_move_alike_are_one_workpiece(found) -> None:
+    names = found[0].shown.scene.object_names
+    parts = [BRACKET, next(n for n in names if n != BRACKET)]
+    alone = next(n for n in names if n not in parts)
+    moved = ObjectPose(x=5.0, rz=20.0).on_scene(found[1].shown.scene, SEVERAL.join(parts))
+    moved = ObjectPose(x=-5.0).on_scene(moved, alone)
+    series = [found[0], replace(found[1], rendered=replace(found[1].shown, scene=moved)), found[2]]
+    assert not together(found)
+    assert [set(t.split(SEVERAL)) for t in together(series)] == [set(parts)]
+    keys = {t.key for t in knot_terms(series, Tolerances(), Knots(Path()))}
+    assert {("object_pose", together(series)[0], p) for p in ("x", "y", "z", "rz")} <= keys
+
+
+def test_several_parts_turn_about_their_common_middle(found) -> None:
+    scene = found[0].scene
+    parts = [BRACKET, next(n for n in scene.object_names if n != BRACKET)]
+    turned = ObjectPose(rz=1e3 * np.pi / 2).on_scene(scene, SEVERAL.join(parts))
+    middle = bounds(scene, SEVERAL.join(parts)).mean(axis=0)
+    quarter = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])
+    for old, new in zip(scene.bodies, turned.bodies, strict=True):
+        if old.name in parts:
+            at = old.world_from_body[:3, 3]
+            assert new.world_from_body[:3, 3] == pytest.approx(middle + quarter @ (at - middle), abs=1e-9)
+        else:
+            assert new is old
