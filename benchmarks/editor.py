@@ -1,6 +1,6 @@
 """What the editor costs: from the start to the first picture, and a frame while the overview orbits.
 
-    python benchmarks/editor.py [--triangles 100000] [--size 1280x720] [--frames 40]
+    PYTHONPATH=. python benchmarks/editor.py [--triangles 100000] [--size 1280x720] [--frames 40]
 
 A screen of its own (Xvfb) and llvmpipe where there is no GPU. CPU seconds of the process (all threads) stand beside
 those of the clock: on a busy machine only they mean something; over two cores they are at most twice the clock's.
