@@ -4,7 +4,7 @@ What is linear is linear everywhere; the image chain and what moves the image ar
 stands, from more than one start, and the starts compare by their whole log Z.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
-STARTS, ROUNDS = 5, 3
+STARTS, ROUNDS, MOVES = 5, 3, 2
 REGISTRATIONS, REFINEMENTS = 2, 6
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 SHORTEST = 0.2  # part of a step
@@ -98,8 +98,11 @@ def fit(
     none = next(h for h in first.hypotheses if not h.causes)
     if first.best.causes:
         gain = first.best.score - none.score
-        rendered = {t.candidate for t in search.terms if t.kind == "scene"}
-        starts = _starts(first.hypotheses, rendered)[: STARTS if gain > WORTH else 1]
+        starts = _starts(first.hypotheses)
+        if gain > WORTH and search.may_move(first.best):
+            moves = search.moves(first)
+            starts = [*moves, *(h for h in starts if h not in moves)]
+        starts = starts[: STARTS if gain > WORTH else 1]
         for k, start in enumerate(starts):
             if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
@@ -146,6 +149,24 @@ class _Search:
             self.told("registration", (k + 1) / REGISTRATIONS)
         return at
 
+    def may_move(self, best: Hypothesis) -> bool:
+        """Whether it has what changes edges, or what has no name: things that stand elsewhere look like that."""
+        return any(t.generic or t.kind in ("flow", "scene") for t in self.terms if t.candidate in best.causes)
+
+    def moves(self, first: Stand) -> list[Hypothesis]:
+        """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures within
+        a step from the scene as written. Registration without its cause hides each of them behind all the others."""
+        found = []
+        for cause, index in first.evidence.members.items():
+            own = [self.terms[i] for i in index]
+            if any(t.kind in ("flow", "scene") and not t.generic for t in own):
+                alone = first.evidence.best((cause,), {})
+                theta = first.evidence.theta(alone)
+                _, _, score = self.refined((cause,), {cause: index}, theta, first.kept, True, 2)
+                found.append((score, alone))
+            self.told("what moves", len(found) / len(first.evidence.members))
+        return [h for _, h in sorted(found, key=lambda x: -x[0])[:MOVES]]
+
     def followed(self, first: Stand, start: Hypothesis, what: str) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
         stand, best = first, start
@@ -153,7 +174,7 @@ class _Search:
         kept = dict(first.kept)
         for _ in range(ROUNDS):
             members = {c: stand.evidence.members[c] for c in best.causes}
-            theta, at = self.refined(best.causes, members, theta, kept, stand is first)
+            theta, at, _ = self.refined(best.causes, members, theta, kept, stand is first)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before, theta_before = best, theta
             stand = self.stand(at, changes, what, kept)
@@ -172,14 +193,16 @@ class _Search:
         theta: np.ndarray,
         kept: dict[str, Sensitivities],
         anew: bool,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton). ``anew``: registered
-        with it; what moves is looked for from the scene as written, as registration without it has moved another thing.
+        rounds: int = REFINEMENTS,
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton), and its score there.
+        ``anew``: registered with it; what moves is looked for from the scene as written, as registration without it has
+        moved another thing.
         """
         at = self.start(members, theta)
         bent = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
         if not bent:
-            return theta, at
+            return theta, at, -np.inf
         if anew and any(self.terms[i].kind in ("flow", "scene") for i in bent):
             at = np.zeros(self.q)
         own = np.array(
@@ -191,7 +214,7 @@ class _Search:
         near = {name: s.of(own) for name, s in kept.items()}
         best, step, aim = -np.inf, 1.0, at
         here, spike = at, np.zeros(self.q)
-        for _ in range(REFINEMENTS):
+        for _ in range(rounds):
             model = self.model(at, at)
             parts = []
             for c in self.conditions:
@@ -213,7 +236,7 @@ class _Search:
             at = aim = self.start(members, theta)
             if not self._moved(members, theta, before, spike):
                 break
-        return theta, here
+        return theta, here, best
 
     def _moved(
         self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray
@@ -296,15 +319,13 @@ class _Search:
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 
-def _starts(hypotheses: Sequence[Hypothesis], rendered: Collection[Cause]) -> list[Hypothesis]:
-    """The best one, pair and single, whose forms have not been in doubt yet; the best without what the best has; and
-    the best single cause of those that are ``rendered``, which no linearisation does justice where they are large."""
+def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best has."""
     found = [hypotheses[0]]
     for size in (2, 1):
         found += [h for h in hypotheses if len(h.causes) == size and h not in found][:1]
     taken = set(hypotheses[0].causes)
     found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
-    found += [h for h in hypotheses if len(h.causes) == 1 and h.causes[0] in rendered and h not in found][:1]
     return found
 
 
