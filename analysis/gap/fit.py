@@ -25,11 +25,13 @@ from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
+from interchange.effects.parts import has
 from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
 STARTS, ROUNDS, MOVES = 5, 3, 2
+MOVING = ("camera_pose", "principal_point", "lens_distortion", "object_pose", "geometry", "light_position")
 REGISTRATIONS, REFINEMENTS = 2, 6
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 SHORTEST = 0.2  # part of a step
@@ -158,8 +160,7 @@ class _Search:
         a step from the scene as written. Registration without its cause hides each of them behind all the others."""
         found = []
         for cause, index in first.evidence.members.items():
-            own = [self.terms[i] for i in index]
-            if any(t.kind in ("flow", "scene") and not t.generic for t in own):
+            if cause[0] in MOVING:
                 alone = first.evidence.best((cause,), {})
                 theta = first.evidence.theta(alone)
                 _, _, score = self.refined((cause,), {cause: index}, theta, first.kept, True, 2)
@@ -270,8 +271,10 @@ class _Search:
     def _can_stand(self, at: np.ndarray) -> bool:
         try:
             scene = self.model(at, at).scene
-            for effect, target in scene:
-                effect.on_scene(self.conditions[0].shown.scene, target)
+            for shown in {id(c.shown): c.shown for c in self.conditions}.values():
+                for effect, target in scene:
+                    if has(shown.scene, target):
+                        effect.on_scene(shown.scene, target)
         except BrightfieldError:
             return False
         return True

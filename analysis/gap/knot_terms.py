@@ -20,11 +20,10 @@ from interchange.brdf.lobes import has_lobes
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
-from interchange.effects.parts import SEVERAL, bounds, members
+from interchange.effects.parts import SEVERAL, bounds, has, members
 from interchange.light import LightKind
 from interchange.material import Material
 from interchange.parameter import ParameterError, parameters
-from interchange.scene import Scene
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
@@ -249,7 +248,7 @@ def rendered(
         weights = s.shown.weights(s.condition.scene)
         if lamp:
             weights = {n: w for n, w in weights.items() if n == lamp}
-        if not any(w.any() for w in weights.values()) or not _there(s.shown.scene, target):
+        if not any(w.any() for w in weights.values()) or not has(s.shown.scene, target):
             return None
         size = s.camera.sensor.resolution
         here = [i for i, (effect, t) in enumerate(s.scene) if effect.name() == cause and t == target]
@@ -279,8 +278,3 @@ def _away(effect: Effect, parameter: str) -> float:
 def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:
     there = s.channels(s.take(s.placed(radiance)))
     return np.asarray(s.per_radiance * there / np.float32(step), np.float32)
-
-
-def _there(scene: Scene, target: str) -> bool:
-    known = [*scene.object_names, *scene.material_names, *(x.name for x in scene.lights)]
-    return not target or all(members(known, one) for one in target.split(SEVERAL))

@@ -21,7 +21,7 @@ from interchange.effects.geometry import Geometry
 from interchange.effects.light_position import LightPosition
 from interchange.effects.light_size import LightSize
 from interchange.effects.object_pose import ObjectPose
-from interchange.effects.parts import bounds
+from interchange.effects.parts import bounds, has
 from interchange.effects.shadow import TWIN
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
@@ -95,7 +95,8 @@ class Knots:
             self._scenes[id(shown.scene)] = shown.scene
             after = shown.scene
             for effect, target in effects:
-                after = effect.on_scene(after, target)
+                if has(after, target):  # what is never on, or not there yet, changes nothing
+                    after = effect.on_scene(after, target)
             self._changes[key] = self._between(shown, after, effects, spots, offset)
         return self._changes[key]
 
@@ -166,7 +167,9 @@ def _part(before: Scene, after: Scene, effects: Changes, camera: Camera) -> tupl
         isinstance(effect, ObjectPose | Geometry) and target for effect, target in effects
     ):
         return None
-    boxes = [bounds(scene, target) for scene in (before, after) for _, target in effects]
+    boxes = [bounds(s, target) for s in (before, after) for _, target in effects if has(s, target)]
+    if not boxes:
+        return None
     return region(after, boxes, camera)
 
 

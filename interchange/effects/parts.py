@@ -64,6 +64,12 @@ def members(names: Sequence[str], target: str) -> list[str]:
     return [n for n in names if any(w in (n, n.rsplit("/", 1)[-1]) or n.startswith(f"{w}/") for w in wanted)]
 
 
+def has(scene: Scene, target: str) -> bool:
+    """Whether there is all that a target names."""
+    known = [*scene.object_names, *scene.material_names, *(x.name for x in scene.lights)]
+    return not target or all(members(known, one) for one in target.split(SEVERAL))
+
+
 def called(target: str) -> str:
     """A target for people: its last part; of several the first, and how many more there are."""
     first, *more = target.split(SEVERAL)

@@ -19,6 +19,7 @@ from analysis.gap.sensitivities import sensitivities
 from analysis.gap.state import State
 from interchange.camera import Camera
 from interchange.captures import Tolerances
+from interchange.effects.light_position import LightPosition
 from interchange.effects.object_pose import ObjectPose
 from interchange.effects.parts import SEVERAL, bounds
 from interchange.formats import captures as captures_file
@@ -182,3 +183,14 @@ def test_several_parts_turn_about_their_common_middle(found) -> None:
             assert new.world_from_body[:3, 3] == pytest.approx(middle + quarter @ (at - middle), abs=1e-9)
         else:
             assert new is old
+
+
+def test_a_lamp_that_an_arrangement_lacks_changes_nothing_there(found, knots) -> None:
+    """Lamps that are never on under a camera are not in what it shows."""
+    shown = found[0].shown
+    first, *others = shown.scene.lights
+    dark = replace(shown, scene=replace(shown.scene, lights=tuple(others)))
+    moved = ((LightPosition(x=5.0), first.name), (MOVED, BRACKET))
+    lacking = knots.change(dark, moved)
+    assert set(lacking.lamps) <= {x.name for x in others}
+    assert knots.change(dark, (moved[0],)).lamps == {}
