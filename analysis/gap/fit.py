@@ -30,9 +30,9 @@ from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
 
-STARTS, ROUNDS, MOVES = 5, 3, 2
+STARTS, ROUNDS, MOVES = 4, 3, 2
 MOVING = ("camera_pose", "principal_point", "lens_distortion", "object_pose", "geometry", "light_position")
-REGISTRATIONS, REFINEMENTS = 2, 6
+REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
@@ -100,15 +100,14 @@ def fit(
     none = next(h for h in first.hypotheses if not h.causes)
     if first.best.causes:
         gain = first.best.score - none.score
-        starts = _starts(first.hypotheses)
-        if gain > WORTH and search.may_move(first.best):
-            moves = search.moves(first)
-            starts = [*moves, *(h for h in starts if h not in moves)]
-        starts = starts[: STARTS if gain > WORTH else 1]
-        for k, start in enumerate(starts):
+        moves = search.moves(first) if gain > WORTH and search.may_move(first.best) else []
+        starts = [*moves, *(h for h in _starts(first.hypotheses) if h not in moves)]
+        for k, start in enumerate(starts[: STARTS - len(moves) // 2 if gain > WORTH else 1]):
             if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
             stands.append(search.followed(first, start, f"fit {k + 1}"))
+            if start in moves and stands[-1].best.causes == start.causes:
+                break  # what moved is all: the other starts are of a registration that hides it
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
     return _fit(search.terms, chosen, knots)
 

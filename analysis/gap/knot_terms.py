@@ -37,7 +37,7 @@ OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
-FAR = 2.0  # steps: where a column told at home says little of what more does
+FAR = 4.0  # steps: where a column told at home says little of what more does
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
 
 
