@@ -1,10 +1,9 @@
-"""Registration, linearisation, evidence, and again where the best hypothesis stands.
+"""Which causes there are and how large: the evidence's best hypothesis, from more than one start.
 
-What is linear is linear everywhere; the image chain and what moves the image are linearised anew where a hypothesis
-stands, from more than one start, and the starts compare by their whole log Z.
+Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy as np
 from analysis.gap.chain_terms import chain_terms
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
-from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -20,41 +18,14 @@ from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
-from analysis.gap.normal_equations import NormalEquations, equations, stride_for
-from analysis.gap.sensitivities import Sensitivities, sensitivities
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.search import Search, Stand, Told, total_of
 from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Term, added
+from analysis.gap.terms import Term
 from interchange.captures import Tolerances
-from interchange.effects.parts import has
-from interchange.problems import BrightfieldError
 
-Told = Callable[[str, float], None]
-
-STARTS, ROUNDS, MOVES = 4, 3, 2
-MOVING = ("camera_pose", "principal_point", "lens_distortion", "object_pose", "geometry", "light_position")
-REGISTRATIONS, REFINEMENTS = 2, 4
-MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
-SHORTEST = 0.2  # part of a step
-FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
-REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
-SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
+STARTS = 4
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
-
-
-@dataclass(frozen=True, eq=False)
-class Stand:
-    """The evidence where a hypothesis stands. The first ``q`` terms of ``terms`` are every stand's, forms follow."""
-
-    terms: tuple[Term, ...]
-    at: np.ndarray
-    evidence: Evidence
-    parts: tuple[NormalEquations, ...]
-    hypotheses: tuple[Hypothesis, ...]
-    kept: dict[str, Sensitivities]  # by the condition's name
-
-    @property
-    def best(self) -> Hypothesis:
-        return self.hypotheses[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +64,7 @@ def fit(
 ) -> Fit:
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
     without it those that need that are not tried."""
-    search = _Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
+    search = Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
     told("registration", 0.0)
     first = search.stand(search.registered(), {}, "evidence", {})
     stands = [first]
@@ -110,215 +81,6 @@ def fit(
                 break  # what moved is all: the other starts are of a registration that hides it
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
     return _fit(search.terms, chosen, knots)
-
-
-class _Search:
-    """The same captures and terms at every stand."""
-
-    def __init__(
-        self, conditions: Sequence[Condition], terms: tuple[Term, ...], knots: Knots | None, told: Told
-    ) -> None:
-        self.conditions, self.terms, self.knots, self.told = conditions, terms, knots, told
-        self.stride = stride_for(conditions)
-        self.q = len(terms)
-        self.registering = {
-            i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
-        }
-
-    def model(self, theta: np.ndarray, at: np.ndarray) -> Model:
-        return Model(self.terms, theta, at, self.knots)
-
-    def registered(self) -> np.ndarray:
-        """(q,): where the terms that move the image stand, with no cause at all: edges that are off by a part of a
-        pixel would forge every effect that changes edges."""
-        at = np.zeros(self.q)
-        own = [
-            i for i, t in enumerate(self.terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
-        ]
-        terms = [self.terms[i] for i in own]
-        for k in range(REGISTRATIONS):
-            model = self.model(at, at)
-            states = [model.state(c, self.stride) for c in self.conditions]
-            parts = [equations(s, terms, at[own]) for s in states if s.usable.any()]
-            if not parts:
-                break
-            there = Evidence(total_of(parts), terms)
-            theta = there.theta(there.at((), ()))
-            at = np.zeros(self.q)
-            for i, x in zip(own, theta, strict=True):
-                at[i] = x if self.terms[i].kind == "flow" else 0.0
-            self.told("registration", (k + 1) / REGISTRATIONS)
-        return at
-
-    def may_move(self, best: Hypothesis) -> bool:
-        """Whether it has what changes edges, or what has no name: things that stand elsewhere look like that."""
-        return any(t.generic or t.kind in ("flow", "scene") for t in self.terms if t.candidate in best.causes)
-
-    def moves(self, first: Stand) -> list[Hypothesis]:
-        """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures within
-        a step from the scene as written. Registration without its cause hides each of them behind all the others."""
-        found = []
-        for cause, index in first.evidence.members.items():
-            if cause[0] in MOVING:
-                alone = first.evidence.best((cause,), {})
-                theta = first.evidence.theta(alone)
-                _, _, score = self.refined((cause,), {cause: index}, theta, first.kept, True, 2)
-                found.append((score, alone))
-            self.told("what moves", len(found) / len(first.evidence.members))
-        return [h for _, h in sorted(found, key=lambda x: -x[0])[:MOVES]]
-
-    def followed(self, first: Stand, start: Hypothesis, what: str) -> Stand:
-        """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
-        stand, best = first, start
-        theta = stand.evidence.theta(best)
-        kept = dict(first.kept)
-        for _ in range(ROUNDS):
-            members = {c: stand.evidence.members[c] for c in best.causes}
-            theta, at, _ = self.refined(best.causes, members, theta, kept, stand is first)
-            changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
-            before, theta_before = best, theta
-            stand = self.stand(at, changes, what, kept)
-            kept = stand.kept
-            best = stand.best
-            theta = stand.evidence.theta(best)[: self.q]
-            settled = not self._moved(members, theta, theta_before, stand.evidence.spike)
-            if best.causes == before.causes and settled:
-                break
-        return stand
-
-    def refined(
-        self,
-        causes: tuple[Cause, ...],
-        members: dict[Cause, np.ndarray],
-        theta: np.ndarray,
-        kept: dict[str, Sensitivities],
-        anew: bool,
-        rounds: int = REFINEMENTS,
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton), and its score there.
-        ``anew``: registered with it; what moves is looked for from the scene as written, as registration without it has
-        moved another thing.
-        """
-        at = self.start(members, theta)
-        bent = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
-        if not bent:
-            return theta, at, -np.inf
-        if anew and any(self.terms[i].kind in ("flow", "scene") for i in bent):
-            at = np.zeros(self.q)
-        own = np.array(
-            [i for i, t in enumerate(self.terms) if t.candidate in members or i in self.registering]
-        )
-        place = {int(i): k for k, i in enumerate(own)}
-        terms = [self.terms[i] for i in own]
-        redrawn = {place[i] for i in place if i in bent or self.terms[i].kind == "flow"}
-        near = {name: s.of(own) for name, s in kept.items()}
-        best, step, aim = -np.inf, 1.0, at
-        here, spike = at, np.zeros(self.q)
-        for _ in range(rounds):
-            model = self.model(at, at)
-            parts = []
-            for c in self.conditions:
-                state = model.state(c, self.stride)
-                if state.usable.any():
-                    near[c.name] = sensitivities(state, terms, near.get(c.name), redrawn)
-                    parts.append(equations(state, terms, at[own], drawn=near[c.name]))
-            there = Evidence(total_of(parts), terms)
-            found = there.best(causes, {}) if set(causes) <= set(there.members) else None
-            if found is None or found.score < best:  # too far: half the way from where it was better
-                step /= 2
-                if step < SHORTEST:
-                    break
-                at = here + step * (aim - here)
-                continue
-            best, step, here = found.score, 1.0, at
-            before, theta = theta, np.zeros(self.q)
-            theta[own], spike[own] = there.theta(found), there.spike
-            at = aim = self.start(members, theta)
-            if not self._moved(members, theta, before, spike):
-                break
-        return theta, here, best
-
-    def _moved(
-        self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray
-    ) -> bool:
-        """Whether a number of the causes is no longer what it was."""
-        off = np.abs(now[: self.q] - before[: self.q])
-        near = np.maximum(spike[: self.q], SETTLED * np.abs(now[: self.q]))
-        return any(bool((off[i] > near[i]).any()) for i in members.values())
-
-    def start(self, members: dict[Cause, np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """Where the next linearisation stands: all that moves the image, and the terms of the causes that the chain or
-        a rendering can follow, as found."""
-        at = np.array([x if t.kind == "flow" else 0.0 for t, x in zip(self.terms, theta, strict=False)])
-        rendered = []
-        for index in members.values():
-            for i in index:
-                if self.terms[i].kind == "chain":
-                    at[i] = max(theta[i], self.terms[i].low)
-            scene = [i for i in index if self.terms[i].kind == "scene"]
-            away = max((abs(theta[i]) / self.terms[i].step for i in scene), default=0.0)
-            if away > 1:
-                rendered.append((away, scene))
-        for _, scene in sorted(rendered, key=lambda x: -x[0])[:MOST_RENDERED]:
-            there = at.copy()
-            for i in scene:
-                there[i] = float(f"{max(theta[i], self.terms[i].low):.2g}")
-            if self._can_stand(there):
-                at = there
-        return at
-
-    def _can_stand(self, at: np.ndarray) -> bool:
-        try:
-            scene = self.model(at, at).scene
-            for shown in {id(c.shown): c.shown for c in self.conditions}.values():
-                for effect, target in scene:
-                    if has(shown.scene, target):
-                        effect.on_scene(shown.scene, target)
-        except BrightfieldError:
-            return False
-        return True
-
-    def change(self, model: Model, index: np.ndarray) -> Change:
-        """What a cause changes in each condition."""
-        without, own = model.without(index), [self.terms[i] for i in index]
-        out = {}
-        for c in self.conditions:
-            state = model.state(c, self.stride)
-            change = added(state, own, (model.theta - model.at)[index])
-            if model.at[index].any():
-                change = change + state.take(state.simulation.dn - without.state(c).simulation.dn)
-            out[c.name] = np.asarray(change, np.float32)
-        return out
-
-    def stand(
-        self,
-        at: np.ndarray,
-        changes: dict[Cause, Change],
-        what: str,
-        kept: dict[str, Sensitivities],
-    ) -> Stand:
-        """``changes``: of each cause that is in force at ``at``; ``kept``: sensitivities that a stand before had."""
-        free = {t.candidate for t in self.terms if t.family is not None}  # of any form
-        forms = form_terms({c: change for c, change in changes.items() if c not in free})
-        every = [*self.terms, *forms]
-        at_all = np.append(at, np.zeros(len(forms)))
-        model = self.model(at, at)
-        anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
-        parts, now = [], {}
-        for k, condition in enumerate(self.conditions):
-            state = model.state(condition, self.stride, symmetric=True)
-            if not state.usable.any():
-                continue
-            before = kept.get(condition.name)
-            drawn = sensitivities(state, self.terms, before, anew)
-            now[condition.name] = drawn
-            doubted = doubt(list(changes.values()), state)
-            parts.append(equations(state, every, at_all, doubted, drawn.and_also(state, forms)))
-            self.told(what, (k + 1) / len(self.conditions))
-        if not parts:
-            raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
-        evidence = Evidence(total_of(parts), every)
-        return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 
 def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -396,13 +158,6 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         *chain_terms(State(bright), tolerances),
         *generic_terms(conditions, tolerances),
     ]
-
-
-def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total
 
 
 def uncertainty(found: Fit) -> np.ndarray:
