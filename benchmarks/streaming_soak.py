@@ -168,8 +168,9 @@ def main() -> None:
         while camera.position[0] < step and not publisher.done.is_set():
             time.sleep(0.2)
         print(
-            f"{camera.position[0]} frames, {time.monotonic() - began:.0f} s, {resident():.1f} MB, "
-            f"{threading.active_count()} threads, {len(publisher.subscriptions)} readers", flush=True,
+            f"{camera.position[0]} frames, {time.monotonic() - began:.0f} s, {time.process_time():.0f} CPU s, "
+            f"{resident():.1f} MB, {threading.active_count()} threads, {len(publisher.subscriptions)} readers, "
+            f"longest wait {longest[0] * 1e3:.0f} ms, load {os.getloadavg()[0]:.1f}", flush=True,
         )  # fmt: skip
     publisher.done.wait()
     stopped.set()

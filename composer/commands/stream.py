@@ -91,6 +91,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="of the belt's encoder a metre (default 1000)",
     )
+    motion.add_argument(
+        "--moments",
+        type=int,
+        default=8,
+        metavar="N",
+        help="renderings of an exposure in which things move, at most (default %(default)s; 1: no motion blur)",
+    )
     parser.add_argument(
         "--frames", type=int, default=0, metavar="N", help="end after N frames of each camera"
     )
@@ -124,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
         for name in names:
             camera = VirtualCamera(
                 scene, name, samples=args.samples, noise=not args.noise_free, seed=args.noise_seed,
-                maps=args.maps, **asked,
+                maps=args.maps, moments=args.moments, **asked,
             )  # fmt: skip
             publishers.append(stack.enter_context(Publisher(camera, args.frames)))
         serving = [k(publishers, args.address, k.port) for k in kinds]

@@ -6,24 +6,29 @@ Every frame is drawn, exposed on the simulated sensor with its noise, numbered, 
 import threading
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from interchange.camera import Camera
 from interchange.exposure import expose
-from interchange.image import check_passes
+from interchange.image import Image, check_passes
+from interchange.moments import over_exposure
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from realtime.virtual_camera import properties
 from realtime.virtual_camera.drawing import Draw, Drawing
 from realtime.virtual_camera.frame import Frame, Truth
-from realtime.virtual_camera.moving_scene import MovingScene
+from realtime.virtual_camera.moving_scene import Moment, MovingScene
 from realtime.virtual_camera.pace import Pace, Timing
 from realtime.virtual_camera.pixel_format import formats, named
 from realtime.virtual_camera.settings import Settings, settings_of
+from realtime.virtual_camera.shutter_path import longest_path, renderings
+
+MOMENTS = 8  # renderings an exposure, at most
 
 PER_PIXEL = ("depth", "position", "normal", "object_id", "material_id")  # maps that a frame can have
 
@@ -37,6 +42,10 @@ class VirtualCamera:
     time, as a camera does. ``samples`` a pixel (realtime.renderers.rasterizer); ``noise`` False gives the mean of many
     frames; ``seed`` another run of noise. ``maps`` are passes that each frame carries besides (``object_id``,
     ``depth``, ...). ``draw`` stands for the rasteriser. ``timeout`` s: how long ``read`` waits for a trigger.
+
+    What the time line and belts move while the shutter is open is blurred, and leans where rows are exposed one after
+    the other: up to ``moments`` renderings a pixel apart make the exposure (interchange.moments), as many as that
+    takes; 1 is frozen.
 
     Methods may be called from any thread. BrightfieldError where the scene has no such camera, or it cannot be one.
     """
@@ -53,8 +62,11 @@ class VirtualCamera:
         maps: Sequence[str] = (),
         draw: Draw | None = None,
         timeout: float = 5.0,
+        moments: int = MOMENTS,
         **settings: Any,
     ) -> None:
+        if moments < 1:
+            raise BrightfieldError(f"An exposure takes at least 1 rendering; got {moments}.")
         self.scene = scene if isinstance(scene, MovingScene) else MovingScene(scene, live=live)
         if unknown := set(check_passes(list(maps))) - set(PER_PIXEL):
             raise BrightfieldError(
@@ -62,7 +74,7 @@ class VirtualCamera:
             )
         record = self.scene.at(0.0).scene.camera(camera)
         self.name, self.sensor, self.maps = record.name, record.sensor, tuple(maps)
-        self.noise, self.seed, self.timeout = noise, seed, timeout
+        self.noise, self.seed, self.timeout, self.moments = noise, seed, timeout, moments
         self._settings = settings_of(record)
         self._own = None if draw else Drawing(samples)
         self._draw: Draw = draw or self._own  # type: ignore[assignment]
@@ -71,7 +83,7 @@ class VirtualCamera:
         self._lock, self._taking, self._changed = threading.RLock(), threading.Lock(), threading.Condition()
         self._open = True
         self._number, self._seconds = 0, 0.0
-        self._taken: tuple[Truth, Settings] | None = None
+        self._taken: tuple[Truth, Settings, Moment] | None = None
         self._frame: Frame | None = None
         self.configure(**settings)
 
@@ -196,30 +208,46 @@ class VirtualCamera:
         with self._lock, self._taking:
             settings = self._settings
             moment = self.scene.at(seconds)
+            stamp = time.time_ns()
             self._number += 1
             self._seconds += settings.period
+            camera = settings.on(moment.scene.camera(self.name))
+            path = self._path(moment, settings, camera)
             truth = Truth(
                 self._number,
-                time.time_ns(),
+                stamp,
                 seconds,
                 moment.scene.time,
                 moment.scene,
-                settings.on(moment.scene.camera(self.name)),
+                camera,
                 settings.region,
                 moment.joints,
                 moment.belts,
                 moment.encoders,
+                path,
+                renderings(path, self.moments),
             )
-            self._taken = truth, settings
+            self._taken = truth, settings, moment
+
+    def _path(self, moment: Moment, settings: Settings, camera: Camera) -> float:
+        """px that the image moves from the first row's exposure to the end of the last one's."""
+        if moment.near is None:
+            return 0.0
+        half = camera.t_exp / 2
+        last = half + camera.sensor.line_time * (camera.sensor.resolution[1] - 1)
+        begin, end = (
+            (scene, settings.on(scene.camera(self.name))) for scene in (moment.near(-half), moment.near(last))
+        )
+        return longest_path(begin, end)
 
     def develop(self) -> Frame:
         """The frame that was taken last: drawn, exposed, read out."""
         with self._lock:
             if self._taken is None:
                 raise BrightfieldError("A frame must be taken before it is developed; none was.")
-            truth, settings = self._taken
+            truth, settings, moment = self._taken
             if self._frame is None or self._frame.truth is not truth:
-                self._frame = self._developed(truth, settings)
+                self._frame = self._developed(truth, settings, moment)
             return self._frame
 
     def take(self) -> Frame | None:
@@ -234,7 +262,7 @@ class VirtualCamera:
             settings = self._settings
             camera = settings.on(moment.scene.camera(self.name))
             truth = Truth(0, time.time_ns(), 0.0, moment.scene.time, moment.scene, camera, settings.region)
-            return self._developed(truth, settings)
+            return self._developed(truth, settings, moment)
 
     def set_pose(self, world_from_camera: Any) -> None:
         """Put the camera (4, 4), rigid; None: where the file has it."""
@@ -245,8 +273,24 @@ class VirtualCamera:
         """How well exposures kept to their time so far."""
         return self._pace.timing
 
-    def _developed(self, truth: Truth, settings: Settings) -> Frame:
-        image = self._draw(truth.scene, truth.camera, self.maps)
+    def _radiance(self, truth: Truth, settings: Settings, near: Callable[[float], Scene]) -> Image:
+        """Of an exposure of several renderings."""
+        began = truth.seconds
+
+        def scene_at(seconds: float) -> Scene:
+            return truth.scene if seconds == began else near(seconds - began)
+
+        return over_exposure(
+            scene_at, lambda scene: settings.on(scene.camera(self.name)),
+            lambda scene, camera, _, passes: self._draw(scene, camera, passes),
+            began, 1.0, truth.renderings, self.maps,
+        )  # fmt: skip
+
+    def _developed(self, truth: Truth, settings: Settings, moment: Moment) -> Frame:
+        if truth.renderings > 1 and moment.near is not None:
+            image = self._radiance(truth, settings, moment.near)
+        else:
+            image = self._draw(truth.scene, truth.camera, self.maps)
         rng = np.random.default_rng([self.seed, zlib.crc32(self.name.encode()), truth.number])
         exposed = expose(image, truth.camera, rng=rng if self.noise else None).pixels
         if settings.format.channels == 3 and exposed.shape[2] == 1:

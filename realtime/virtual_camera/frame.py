@@ -12,11 +12,11 @@ from realtime.virtual_camera.pixel_format import PixelFormat
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What was so when the exposure of frame ``number`` (1, 2, 3, ...) began.
+    """What was so when frame ``number`` (1, 2, 3, ...) was taken.
 
     ``stamp_ns``: UTC, ns since 1970, by this machine's clock; ``seconds`` of the moving scene, at which the frame was
     due; ``time``: the scene's time code. ``scene`` and ``camera`` as they were drawn, the camera's sensor, exposure
-    time and gain included.
+    time and gain included; what moves during the exposure is where it is in the middle of it (of row 0's).
     ``region`` (x, y, width, height) px of the sensor that the frame shows. ``belts`` in m, ``encoders`` in pulses.
     """
 
@@ -30,6 +30,8 @@ class Truth:
     joints: dict[str, float] = field(default_factory=dict)
     belts: dict[str, float] = field(default_factory=dict)
     encoders: dict[str, int] = field(default_factory=dict)
+    path_px: float = 0.0  # that the image moves during the exposure, at most
+    renderings: int = 1  # that the exposure was made of
 
     @property
     def K(self) -> np.ndarray:
@@ -68,6 +70,8 @@ class Truth:
             "joints": self.joints,
             "belts": self.belts,
             "encoders": self.encoders,
+            "path_px": self.path_px,
+            "renderings": self.renderings,
             "scene": self.scene.digest,
         }
         if bodies:

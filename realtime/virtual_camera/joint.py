@@ -82,10 +82,10 @@ class Conveyor:
         """What the encoder shows."""
         return int(np.floor(self.position(seconds) * self.pulses_per_metre + 1e-9))
 
-    def displacement(self, seconds: float) -> np.ndarray:
-        """(4, 4): world from where the bodies lie at 0 m."""
+    def displacement(self, seconds: float, more: float = 0.0) -> np.ndarray:
+        """(4, 4): world from where the bodies lie at 0 m; ``more`` s later or earlier, without coming in again."""
         run = self.position(seconds)
-        run = run % self.length if self.length > 0 else run
+        run = (run % self.length if self.length > 0 else run) + self.speed * more
         return Joint(self.name, self.bodies, self.direction, revolute=False).displacement(run)
 
     def at(self, speed: float, seconds: float) -> Self:

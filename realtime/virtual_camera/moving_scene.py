@@ -38,17 +38,24 @@ class TimeLine:
         length = self.last - self.first
         return self.first + (run % length if self.loop else min(max(run, 0.0), length))
 
+    def near(self, seconds: float, more: float) -> float:
+        """Time code ``more`` s later or earlier, in the same lap: nothing is seen to jump from the end to the start."""
+        code = self.code(seconds) + more * self.per_second
+        return min(max(code, self.first), max(self.last, self.first))
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:
     """The scene at ``seconds`` since the start, by which its strobes go too, and what its joints (rad, m), belts (m)
-    and encoders showed."""
+    and encoders showed. ``near(s)``: the scene s later or earlier, by the time line and the belts, which move while
+    the shutter is open; what someone sets, jumps. None where nothing moves by itself."""
 
     scene: Scene
     seconds: float
     joints: dict[str, float] = field(default_factory=dict)
     belts: dict[str, float] = field(default_factory=dict)
     encoders: dict[str, int] = field(default_factory=dict)
+    near: Callable[[float], Scene] | None = None
 
 
 KEPT = 16  # moments
@@ -111,24 +118,36 @@ class MovingScene:
 
     def _moment(self, seconds: float) -> Moment:
         with self._lock:
-            scene = self._scene(self.timeline.code(seconds))
+            timeline = self.timeline
+            scene = self._scene(timeline.code(seconds))
             poses, cameras = dict(self._poses), dict(self._camera_poses)
             joints, belts = dict(self._q), dict(self._belts)
             self._shown = max(self._shown, seconds)
-        moved = [(self._joints[n].bodies, self._joints[n].displacement(q)) for n, q in joints.items() if q]
-        moved = [(c.bodies, c.displacement(seconds)) for c in belts.values()] + moved
-        if moved or poses or cameras:
-            scene = replace(
-                scene,
-                bodies=tuple(_body_placed(b, poses, moved) for b in scene.bodies),
-                cameras=tuple(_camera_placed(c, cameras, moved) for c in scene.cameras),
-            )
+        turned = [(self._joints[n].bodies, self._joints[n].displacement(q)) for n, q in joints.items() if q]
+
+        def placed(scene: Scene, more: float = 0.0) -> Scene:
+            moved = [(c.bodies, c.displacement(seconds, more)) for c in belts.values()] + turned
+            if moved or poses or cameras:
+                scene = replace(
+                    scene,
+                    bodies=tuple(_body_placed(b, poses, moved) for b in scene.bodies),
+                    cameras=tuple(_camera_placed(c, cameras, moved) for c in scene.cameras),
+                )
+            return replace(scene, seconds=seconds) if any(x.strobe.is_there for x in scene.lights) else scene
+
+        def near(more: float) -> Scene:
+            with self._lock:  # a file is read by one at a time
+                then = timeline.scene_at(timeline.near(seconds, more))
+            return placed(then, more)
+
+        moves_on = timeline.last > timeline.first or any(c.speed for c in belts.values())
         return Moment(
-            replace(scene, seconds=seconds) if any(x.strobe.is_there for x in scene.lights) else scene,
+            placed(scene),
             seconds,
             joints,
             {n: c.position(seconds) for n, c in belts.items()},
             {n: c.pulses(seconds) for n, c in belts.items()},
+            near if moves_on else None,
         )
 
     def change(

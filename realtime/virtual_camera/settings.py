@@ -49,7 +49,7 @@ class Settings:
         """The camera as it takes a frame: all of its sensor, of which ``region`` is read out."""
         sensor = replace(
             self.format.of(camera.sensor), gain_dB=self.gain_dB, frame_rate=0.0
-        )  # no blur by motion: the pass is not drawn
+        )  # blur by motion is of several renderings, not of the pass
         return replace(camera, sensor=sensor, t_exp=self.t_exp)
 
 
