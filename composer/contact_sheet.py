@@ -16,6 +16,7 @@ from interchange.formats.atomic import written_beside
 
 MOST = 60  # pictures on a page
 WIDTH = 160  # px of each
+LETTERS = 26  # of a caption
 MARGIN = 3  # px between a defect and the frame around it
 COLORS = ("#ff5a4e", "#4ea5ff", "#ffd23f", "#6ddc6d", "#ff7ae0", "#f0f0f0")
 
@@ -72,4 +73,10 @@ def _caption(row: Mapping[str, Any], varying: Sequence[str]) -> str:
     seen = [k for name, pixels in row.items() if pixels and (k := _kind(name, "pixels"))]
     if seen:
         return f"{row['frame']}: {', '.join(k.replace('_part', '') for k in seen)}"
-    return f"{row['frame']}: " + "  ".join(f"{row[a]:.3g}" for a in varying[:3] if row.get(a) is not None)
+    told = f"{row['frame']}: " + "  ".join(_short(row[a]) for a in varying[:3] if row.get(a) is not None)
+    return told if len(told) <= LETTERS else told[: LETTERS - 1] + "…"
+
+
+def _short(value: float | str) -> str:
+    """A number, or a name without its folders and its ending."""
+    return Path(value.rpartition(":")[2]).stem if isinstance(value, str) else f"{value:.3g}"

@@ -115,8 +115,8 @@ def _choice(address: str, data: Mapping[str, Any], bounded: Any, key: str, wrong
         wrong(f"{key}.values", f"It must be a list of one number or more; got {given!r}.")
         return None
     values = tuple(bounded(v, f"{key}.values[{i}]") for i, v in enumerate(given))
-    shares = _shares(data, "shares", values, key, wrong)
-    nature = Choice(values, _shares(data, "nature", values, key, wrong)) if "nature" in data else None
+    shares = read_shares(data, "shares", values, key, wrong)
+    nature = Choice(values, read_shares(data, "nature", values, key, wrong)) if "nature" in data else None
     if nature and any(p > 0 and q == 0 for p, q in zip(nature.shares, shares, strict=True)):
         wrong(f"{key}.shares", "What there is in nature must be sampled; a share is 0.")
     if len(set(values)) < len(values) and {"shares", "nature"} & set(data):
@@ -124,7 +124,7 @@ def _choice(address: str, data: Mapping[str, Any], bounded: Any, key: str, wrong
     return Axis(address, Choice(values, shares), nature=nature)
 
 
-def _shares(
+def read_shares(
     data: Mapping[str, Any], name: str, values: tuple[float, ...], key: str, wrong: Findings
 ) -> tuple[float, ...]:
     even = (1 / len(values),) * len(values)

@@ -70,7 +70,8 @@ def _hopeless(kept: int, rejected: Counter[str], count: int) -> bool:
 
 def kept_design(plan: Plan, folder: Path, digest: str, told: Told) -> Design:
     """The design of an earlier run of this very plan and scene in ``folder``, else a new one, which is kept there."""
-    key = hashlib.sha256(f"{plan.text} {digest}".encode()).hexdigest()
+    about = " ".join([plan.text, digest, *plan.files.values()])
+    key = hashlib.sha256(about.encode()).hexdigest()
     path = folder / FILE
     try:
         data = json.loads(path.read_text(encoding="utf-8"))

@@ -23,7 +23,8 @@ VERSION = 1  # of what a frame's files hold
 
 @dataclass(frozen=True)
 class SweepJob:
-    """``digest``: the scene document's. ``values``: every number that is set, by address, in the declared units."""
+    """``digest``: the scene document's. ``values``: everything that is set, by address, numbers in the declared units.
+    ``files``: what names of ``values`` stand for, and their SHA-256."""
 
     scene: str  # path
     digest: str
@@ -31,7 +32,7 @@ class SweepJob:
     time: float  # time code
     frame: int
     sample: int
-    values: tuple[tuple[str, float], ...]
+    values: tuple[tuple[str, float | str], ...]
     defects: tuple[PlannedDefect, ...]
     objects: tuple[str, ...]
     rendering: Rendering
@@ -42,6 +43,7 @@ class SweepJob:
     folder: str
     bop_scene: int = 0
     threads: int = 0
+    files: tuple[tuple[str, str], ...] = ()
 
     @property
     def out(self) -> str:
@@ -54,6 +56,8 @@ class SweepJob:
         about = asdict(self)
         for name in ("scene", "folder", "threads"):
             del about[name]
+        if not self.files:
+            del about["files"]
         about["version"] = VERSION
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
 

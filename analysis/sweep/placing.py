@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.sweep.address import set_values
+from analysis.sweep.choices import with_values
 from analysis.sweep.defect import Placed
 from analysis.sweep.defects import MODELS
 from analysis.sweep.plan import PlannedDefect
@@ -12,16 +12,15 @@ PREFIX = "defects."
 
 
 def scene_of(
-    base: Scene, values: Mapping[str, float], defects: Sequence[PlannedDefect]
+    base: Scene, values: Mapping[str, float | str], defects: Sequence[PlannedDefect]
 ) -> tuple[Scene, list[tuple[PlannedDefect, Placed]]]:
     """The scene, and the defects that are there. ``values`` by address, in the declared units. Raises
     BrightfieldError; OffSurface where there is no room for a defect."""
-    scene = set_values(base, {a: x for a, x in values.items() if not a.startswith(PREFIX)})
+    scene = with_values(base, {a: x for a, x in values.items() if not a.startswith(PREFIX)})
     found = []
     for defect in defects:
-        given = {
-            a.removeprefix(defect.name + "."): x for a, x in values.items() if a.startswith(defect.name + ".")
-        }
+        start = defect.name + "."
+        given = {a.removeprefix(start): float(x) for a, x in values.items() if a.startswith(start)}
         model = MODELS[defect.kind](**given)
         if model.present < 0.5:
             continue

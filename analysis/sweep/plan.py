@@ -58,7 +58,8 @@ class Moving:
 
 @dataclass(frozen=True)
 class Plan:
-    """``fixed``: numbers that are set to one value; ``units`` of all addresses, for people."""
+    """``fixed``: what is set to one value; ``units`` of all addresses, for people; ``files``: SHA-256 of every
+    file that something may be chosen from."""
 
     file: Path
     scene: Path
@@ -69,7 +70,7 @@ class Plan:
     count: int
     seed: int
     axes: tuple[Axis, ...]
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float | str] = field(default_factory=dict)
     moving: tuple[Moving, ...] = ()
     defects: tuple[PlannedDefect, ...] = ()
     constraints: tuple[Constraint, ...] = ()
@@ -80,8 +81,9 @@ class Plan:
     noise: bool = True  # of the sensor
     text: str = ""  # the file's own
     notes: tuple[str, ...] = ()  # what is not done although nobody said so
+    files: Mapping[str, str] = field(default_factory=dict)
 
-    def values_at(self, row: np.ndarray, time: float) -> dict[str, float]:
-        """Every number that the plan sets, by address, for a row of the design."""
-        sampled = {axis.address: float(x) for axis, x in zip(self.axes, row, strict=True)}
+    def values_at(self, row: np.ndarray, time: float) -> dict[str, float | str]:
+        """Everything that the plan sets, by address, for a row of the design."""
+        sampled = {axis.address: axis.value(float(x)) for axis, x in zip(self.axes, row, strict=True)}
         return {**self.fixed, **sampled, **{m.address: m.at(time) for m in self.moving}}

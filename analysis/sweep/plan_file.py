@@ -5,6 +5,8 @@ from typing import Any
 
 from analysis.sweep.address import knob, objects_named
 from analysis.sweep.axis_file import is_number, read_axis
+from analysis.sweep.choice_file import read_choice
+from analysis.sweep.choices import digest_of, is_choice
 from analysis.sweep.constraint import Constraint
 from analysis.sweep.constraint_file import read_constraints
 from analysis.sweep.defect_file import declared_of, read_defects
@@ -43,7 +45,8 @@ def read(path: Path | str) -> Plan:
         wrong("parameters", "Parameters must be addresses with what each of them is to be.")
         parameters = {}
     axes: list[Axis] = []
-    fixed: dict[str, float] = {}
+    fixed: dict[str, float | str] = {}
+    files: dict[str, str] = {}
     moving: list[Moving] = []
     units: dict[str, str] = {}
 
@@ -60,6 +63,18 @@ def read(path: Path | str) -> Plan:
         elif axis is not None:
             moving.append(axis)
 
+    def take_name(scene: Scene, address: str, spec: Any, key: str) -> None:
+        units[address] = ""
+        found = read_choice(scene, address, spec, key, wrong)
+        names = found.names if isinstance(found, Axis) else [] if found is None else [found]
+        if isinstance(found, Axis):
+            axes.append(found)
+        elif found is not None:
+            fixed[address] = found
+        for name in names:
+            if digest := digest_of(scene, address, name):
+                files[name] = digest
+
     defects: tuple[PlannedDefect, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     if scene is not None:
@@ -70,6 +85,8 @@ def read(path: Path | str) -> Plan:
             try:
                 if str(address).startswith(PREFIX):
                     take(str(address), spec, declared_of(str(address), defects), "", key)
+                elif is_choice(scene, str(address)):
+                    take_name(scene, str(address), spec, key)
                 else:
                     found = knob(scene, str(address))
                     take(str(address), spec, found.about, found.unit, key)
@@ -78,14 +95,15 @@ def read(path: Path | str) -> Plan:
     if method is Method.LIST and len({a.size for a in axes}) > 1:
         sizes = ", ".join(f"{a.address} has {a.size}" for a in axes)
         wrong("parameters", f"With sampling by list all lists must be equally long; {sizes}.")
-    writes, notes = _writes(data, scene, cameras, wrong)
+    shaped = [a for a in units if a.endswith(".shape") and not a.startswith(PREFIX)]
+    writes, notes = _writes(data, scene, cameras, shaped, wrong)
     axes.sort(key=lambda axis: axis.address.startswith(PREFIX))  # the scene's own first
     width, noise = wrong.number(data, "width", "", 8, 65536, 0), wrong.flag(data, "noise", "", True)
     if wrong.problems:
         raise FileError(wrong.problems)
     return Plan(
         path, scene_path, cameras, times, rendering, method, count, seed, tuple(axes), fixed, tuple(moving), defects,
-        constraints, objects, units, writes, width, noise, text, notes,
+        constraints, objects, units, writes, width, noise, text, notes, files,
     )  # fmt: skip
 
 
@@ -184,7 +202,7 @@ def _sampling(given: Any, wrong: Findings) -> tuple[Method, int, int]:
 
 
 def _writes(
-    data: dict[str, Any], scene: Scene | None, cameras: tuple[str, ...], wrong: Findings
+    data: dict[str, Any], scene: Scene | None, cameras: tuple[str, ...], shaped: list[str], wrong: Findings
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What is written, and what is not although nobody said so."""
     given = data.get("write", list(WRITES))
@@ -196,6 +214,7 @@ def _writes(
             )
     notes: tuple[str, ...] = ()
     why = [reason for c in cameras if scene is not None and (reason := bop.can_hold(scene.camera(c)))]
+    why += [f"{address} is no one model" for address in shaped]
     if why and "bop" in listed:
         if "write" in data:
             wrong("write", f"BOP cannot be written: {'; '.join(why)}.")

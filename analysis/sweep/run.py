@@ -44,7 +44,7 @@ def jobs_of(plan: Plan, rows: np.ndarray, folder: Path, digest: str) -> list[Swe
                     SweepJob(
                         str(plan.scene.resolve()), digest, camera, time, len(jobs), sample, values, plan.defects,
                         plan.objects, plan.rendering, plan.seed, plan.noise, plan.width, plan.writes,
-                        str(folder.resolve()), number,
+                        str(folder.resolve()), number, files=tuple(plan.files.items()),
                     )
                 )  # fmt: skip
     return jobs

@@ -41,12 +41,18 @@ class Method(StrEnum):
 
 @dataclass(frozen=True)
 class Axis:
-    """``steps``: points of a range in a grid. ``nature``: the law that the world follows, None as sampled."""
+    """``steps``: points of a range in a grid. ``nature``: the law that the world follows, None as sampled. ``names``:
+    of something that is chosen by name; its values are numbers of names."""
 
     address: str
     law: Law
     steps: int = 0
     nature: Law | None = None
+    names: tuple[str, ...] = ()
+
+    def value(self, x: float) -> float | str:
+        """What is set where the design has ``x``."""
+        return self.names[round(x)] if self.names else x
 
     @property
     def size(self) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.sweep.address import set_values
+from analysis.sweep.choices import with_values
 from analysis.tune.features import Features
 from analysis.tune.frames import Frame, grey_levels, with_what_varies
 from analysis.tune.truth import Truth, truth
@@ -82,10 +82,11 @@ def read_sweep(folder: Path, wanted: Features, renderer: Renderer) -> list[Frame
     bases: dict[float, Scene] = {}
     wires, frames = Wires(wanted.angle), []
     called: set[str] = set()
+    named = {(a, v) for r in rows for a, v in r.items() if a in units and isinstance(v, str)}
     for row in rows:
         record = _record(folder / "frames" / f"{row['frame']:06d}.json")
         base = bases.setdefault(row["time"], document.scene(row["time"]))
-        scene = set_values(base, {a: v for a, v in record["values"].items() if not a.startswith("defects.")})
+        scene = with_values(base, {a: v for a, v in record["values"].items() if not a.startswith("defects.")})
         camera = scene.camera(row["camera"])
         if camera.sensor.resolution[0] != row["width"]:
             camera = camera.resized(row["width"])
@@ -96,7 +97,9 @@ def read_sweep(folder: Path, wanted: Features, renderer: Renderer) -> list[Frame
         path = folder / row["file.image"]
         array = images.read(path)
         image = _image(array.astype(np.float32), camera.sensor.bits_out, camera, Where(str(path)))
-        varied = {_named(n, units): float(v) for n, v in record["values"].items()}
+        values = record["values"]
+        varied = {_named(n, units): float(v) for n, v in values.items() if not isinstance(v, str)}
+        varied |= {f"{a} = {v}": float(values[a] == v) for a, v in sorted(named)}
         varied["time"] = float(row["time"])
         frames.append(Frame(row["file.image"], image, camera, shown, varied, weight=float(row["weight"])))
     for word in set(wanted.blobs) - called:

@@ -13,6 +13,7 @@ from interchange.scene import Scene
 
 if TYPE_CHECKING:
     from interchange.formats.usd_read import SceneReader
+    from interchange.material import Material
 
 
 @dataclass
@@ -53,6 +54,10 @@ class Document:
         if wrong:
             raise FileError(wrong)
         return self._reader.scene(self.times[0] if time is None else time)
+
+    def materials(self) -> tuple["Material", ...]:
+        """All materials of the file, bound or not, at the first frame. Raises FileError with every problem."""
+        return self._reader.materials(self.times[0])
 
     def scene_problems(self) -> list[Problem]:
         """What ``scene`` would leave out or refuse at the first frame, errors included."""

@@ -83,6 +83,19 @@ class SceneReader:
         )
         return scene, find
 
+    def materials(self, time: float) -> tuple[Material, ...]:
+        """All materials of the stage, those too that nothing is bound to. Raises FileError."""
+        find = Finder(self.file)
+        found = [
+            read_material(prim, Usd.TimeCode(time), find, self.texture).material
+            for prim in self.stage.Traverse()
+            if prim.IsA(UsdShade.Material)
+        ]
+        wrong = errors(find.problems)
+        if wrong:
+            raise FileError(wrong)
+        return tuple(found)
+
     def keep(self, key: Any, changes: bool, time: Usd.TimeCode, make: Any) -> Any:
         """What ``make()`` gave for this key before, unless its prim changes with time."""
         key = (key, time.GetValue()) if changes else key
