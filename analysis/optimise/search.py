@@ -11,6 +11,7 @@ Multiobjective tree-structured Parzen estimator. JAIR 2022.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from analysis.optimise.view import Render, Unseen, View
 from analysis.sweep.laws import Choice, LogUniform
 from analysis.sweep.sampling import Axis
 from analysis.sweep.surface import OffSurface
+from analysis.tune.kept import Kept, key_of
 from analysis.tune.search import nearest_ideal, pareto
 from analysis.tune.wireframe import Wires
 from interchange.problems import BrightfieldError
@@ -43,11 +45,13 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """``front``: indices of trials that keep the limits and that none beats in all objectives."""
+    """``front``: indices of trials that keep the limits and that none beats in all objectives;
+    ``resumed``: how many trials an earlier run had made."""
 
     method: str
     trials: tuple[Trial, ...]
     front: tuple[int, ...]
+    resumed: int = 0
 
     @property
     def feasible(self) -> int:
@@ -83,9 +87,15 @@ class Judge:
 
 
 def search(
-    judge: Judge, render: Render, method: str, seed: int, told: Callable[[int, int], None] | None = None
+    judge: Judge,
+    render: Render,
+    method: str,
+    seed: int,
+    told: Callable[[int, int], None] | None = None,
+    keep: Path | None = None,
 ) -> Searched:
-    """``method``: "tpe", "nsga2" or "random". The same arguments give the same trials."""
+    """``method``: "tpe", "nsga2" or "random". The same arguments give the same trials. ``keep``: the file from which a
+    search that was broken off goes on."""
     import optuna
 
     plan = judge.plan
@@ -107,9 +117,12 @@ def search(
     if method != "random":
         study.enqueue_trial(start(plan, judge.base))
 
+    about = (plan.text, judge.base.digest, plan.trials, plan.width, plan.samples, method, seed)
+    kept = Kept(keep, key_of(*about))
+
     def attempt(trial: Any) -> tuple[float, ...]:
         parameters = {a.address: _suggest(trial, a) for a in plan.axes}
-        found = judge.trial(parameters, render)
+        found = judged_once(kept, len(done), parameters, lambda: judge.trial(parameters, render))
         done.append(found)
         trial.set_constraint("limits", 1.0 if found.broken else -1.0)
         if told is not None:
@@ -119,7 +132,17 @@ def search(
         return tuple(loss(m, v) for m, v in zip(measures, found.values, strict=True))
 
     study.optimize(attempt, n_trials=plan.trials)
-    return Searched(method, tuple(done), front_of(measures, done))
+    return Searched(method, tuple(done), front_of(measures, done), kept.answered)
+
+
+def judged_once(kept: Kept, number: int, parameters: dict[str, float], judge: Callable[[], Trial]) -> Trial:
+    """The trial that was kept under this number with these parameters, else what ``judge`` says, which is kept."""
+    known = kept.result(number, parameters)
+    if known is not None:
+        return Trial(parameters, tuple(known["values"]), known["broken"])
+    found = judge()
+    kept.keep(parameters, {"values": found.values, "broken": found.broken})
+    return found
 
 
 def front_of(measures: Sequence[Measure], trials: Sequence[Trial]) -> tuple[int, ...]:

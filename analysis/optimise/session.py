@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from analysis.optimise.search import (
     Trial,
     best_of,
     hypervolumes,
+    judged_once,
     loss,
     nothing_keeps,
     search,
@@ -21,6 +24,7 @@ from analysis.optimise.search import (
 )  # fmt: skip
 from analysis.optimise.setting import scene_of
 from analysis.optimise.view import Render
+from analysis.tune.kept import Kept, key_of
 from analysis.tune.search import nearest_ideal, pareto
 from interchange.camera import Camera
 from interchange.image import Image
@@ -64,23 +68,31 @@ def optimise(
     rasterizer: Any,
     cycles: Callable[[], AbstractContextManager[Any]],
     told: Callable[[str, int, int], None] = lambda what, done, total: None,
+    keep: Path | None = None,
 ) -> Optimised:
-    """``rasterizer``: open; ``cycles`` gives a path tracer for as long as it is needed. Raises BrightfieldError where
-    no set-up keeps the limits."""
+    """``rasterizer``: open; ``cycles`` gives a path tracer for as long as it is needed. ``keep``: the folder from which
+    one that was broken off goes on. Raises BrightfieldError where no set-up keeps the limits."""
     judge = Judge(plan, base, rasterizer)
     live = drawn(rasterizer, plan.samples)
-    found = search(judge, live, plan.method, plan.seed, lambda n, m: told(plan.method, n, m))
-    random = search(judge, live, "random", plan.seed + 1, lambda n, m: told("random search", n, m))
+    found = search(
+        judge, live, plan.method, plan.seed, lambda n, m: told(plan.method, n, m), _in(keep, plan.method)
+    )
+    random = search(
+        judge, live, "random", plan.seed + 1, lambda n, m: told("random search", n, m), _in(keep, "random")
+    )
     if not found.front:
         raise nothing_keeps(plan, found)
     chosen = best_of(plan, found.trials, found.front, max(plan.confirm, 1))
     candidates = [Candidate(i, found.trials[i], None) for i in chosen]
     if plan.confirm:
+        key = key_of(plan.text, base.digest, plan.width, plan.paths)
+        kept = Kept(_in(keep, "path_traced"), key)
         with cycles() as tracer:
             confirmed = []
             for k, c in enumerate(candidates):
                 told("path tracing", k, len(candidates))
-                trial = judge.trial(c.live.parameters, traced(tracer, plan.paths), runs=2)
+                own, render = c.live.parameters, traced(tracer, plan.paths)
+                trial = judged_once(kept, k, own, partial(judge.trial, own, render, 2))
                 confirmed.append(Candidate(c.trial, c.live, trial))
             told("path tracing", len(candidates), len(candidates))
             candidates = confirmed
@@ -89,6 +101,10 @@ def optimise(
         plan, base, found, random, (volumes[0], volumes[1]), judge.trial(start(plan, base), live),
         tuple(candidates), winner_of(plan, candidates),
     )  # fmt: skip
+
+
+def _in(folder: Path | None, name: str) -> Path | None:
+    return None if folder is None else folder / f"{name}.jsonl"
 
 
 def winner_of(plan: Plan, candidates: Sequence[Candidate]) -> int:

@@ -7,14 +7,18 @@ Bergstra, Bardenet, Bengio, Kégl: Algorithms for hyper-parameter optimization. 
 next-generation hyperparameter optimization framework. KDD 2019.
 """
 
+import hashlib
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.tune.algorithms.base import Algorithm
 from analysis.tune.frames import Frame
+from analysis.tune.kept import Kept, key_of
 from analysis.tune.scores import MEASURES, Rules, measures_of, score
 from interchange.parameter import Kind, parameters, settings
 from interchange.problems import BrightfieldError, did_you_mean
@@ -48,7 +52,7 @@ class Trial:
 @dataclass(frozen=True, eq=False)
 class Tuning:
     """``trials`` in order, the first with the defaults; ``front``: indices of those that none beats in every
-    objective; ``chosen``: one of them."""
+    objective; ``chosen``: one of them; ``resumed``: how many trials an earlier run had made."""
 
     algorithm: type[Algorithm]
     objectives: tuple[str, ...]
@@ -56,6 +60,7 @@ class Tuning:
     trials: tuple[Trial, ...]
     front: tuple[int, ...]
     chosen: int
+    resumed: int = 0
 
     @property
     def best(self) -> Algorithm:
@@ -108,9 +113,11 @@ def tune(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     worst: float = 1.0,
     told: Callable[[int, int], None] | None = None,
+    keep: Path | None = None,
 ) -> Tuning:
     """``objectives``: names of ``MEASURES``; ``worst``: share of the frames, the worst ones, whose mean is optimised
-    (1 is the mean of all). The same arguments give the same trials. Raises BrightfieldError."""
+    (1 is the mean of all). The same arguments give the same trials. ``keep``: the file from which a search that was
+    broken off goes on. Raises BrightfieldError."""
     import optuna
 
     check_objectives(algorithm, objectives)
@@ -124,12 +131,20 @@ def tune(
     study.enqueue_trial(_within(default_parameters(algorithm), space))
     weights = np.array([f.weight for f in frames])
     done: list[Trial] = []
+    kept = Kept(
+        keep, _about(algorithm, frames, objectives, rules, trials, seed, space, worst) if keep else ""
+    )
 
     def attempt(trial: Any) -> tuple[float, ...]:
         chosen = {n: _suggest(trial, n, b) for n, b in space.items()}
-        per_frame = scores_of(algorithm(**chosen), frames, rules)
-        values = tuple(aggregate(per_frame[o], o, weights, worst) for o in objectives)
-        done.append(Trial(chosen, values, {n: mean(v, weights) for n, v in per_frame.items()}))
+        known = kept.result(len(done), chosen)
+        if known is None:
+            per_frame = scores_of(algorithm(**chosen), frames, rules)
+            values = tuple(aggregate(per_frame[o], o, weights, worst) for o in objectives)
+            known = {"values": values, "scores": {n: mean(v, weights) for n, v in per_frame.items()}}
+            kept.keep(chosen, known)
+        values = tuple(known["values"])
+        done.append(Trial(chosen, values, known["scores"]))
         if told is not None:
             told(len(done), trials)
         return values
@@ -139,8 +154,35 @@ def tune(
     losses = signs * np.array([t.values for t in done])
     front = pareto(losses)
     return Tuning(
-        algorithm, tuple(objectives), space, tuple(done), tuple(front), nearest_ideal(losses, front)
+        algorithm,
+        tuple(objectives),
+        space,
+        tuple(done),
+        tuple(front),
+        nearest_ideal(losses, front),
+        kept.answered,
     )
+
+
+def _about(algorithm: type[Algorithm], frames: Sequence[Frame], *rest: object) -> str:
+    """What decides a search: the algorithm, the frames' images and truths, and all that it is told."""
+    sha = hashlib.sha256()
+    for f in frames:
+        t = f.truth
+        arrays = (f.image, f.usable, t.regions, *((t.edges.points, t.edges.line) if t.edges else ()))
+        for x in arrays:
+            sha.update(b"none" if x is None else np.ascontiguousarray(x).tobytes())
+        sha.update(repr((f.weight, t.lines, t.circles, t.patterns)).encode())
+    return key_of(algorithm.__qualname__, algorithm.source, text_of(algorithm), sha.hexdigest(), *rest)
+
+
+def text_of(algorithm: type[Algorithm]) -> str:
+    """The source of its module: another version of a user's function is another algorithm."""
+    module = inspect.getmodule(getattr(algorithm, "function", algorithm))
+    try:
+        return inspect.getsource(module) if module else ""
+    except OSError:  # typed in at a prompt
+        return ""
 
 
 def check_objectives(algorithm: type[Algorithm], objectives: Sequence[str]) -> None:

@@ -6,6 +6,7 @@ first.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -76,16 +77,18 @@ def run(
     registration: float = 0.0,
     stated: Callable[[Tuning, list[Prediction]], Any] | None = None,
     told: Callable[[int, int], None] | None = None,
+    keep: Path | None = None,
 ) -> Session:
     """``real`` is called for the real frames after ``stated`` has the prediction; ``registration`` px, rms in each
-    direction: how well the truth of real images is known, which their prediction counts in. Raises BrightfieldError."""
+    direction: how well the truth of real images is known, which their prediction counts in; ``keep``: the file from
+    which a search that was broken off goes on. Raises BrightfieldError."""
     chosen = tuple(objectives) or (DEFAULT_OBJECTIVE.get(algorithm.finds.__name__, "position"),)
     tuned_on, held_out = split(len(frames), holdout, seed)
     if algorithm.finds is Place:
         names = frames[0].truth.patterns
         rules = replace(rules, patterns={n: pattern_of(frames[tuned_on[0]], n) for n in names})
     own = [frames[i] for i in tuned_on]
-    tuning = tune(algorithm, own, chosen, rules, trials, seed, bounds, worst, told)
+    tuning = tune(algorithm, own, chosen, rules, trials, seed, bounds, worst, told, keep)
     scores = scores_of(tuning.best, frames, rules)
     default = scores_of(tuning.default, frames, rules)
     others = [frames[i] for i in held_out]

@@ -102,7 +102,7 @@ def of_function(function: Callable[..., Any], name: str) -> type[Algorithm]:
         function.__name__,
         declared,
         bases=(Algorithm,),
-        namespace={"run": run, "finds": kind, "source": name},
+        namespace={"run": run, "finds": kind, "source": name, "function": staticmethod(function)},
         frozen=True,
     )
     return made_class

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     document = open_scene(plan.scene)
     base = document.scene()
     with Rasterizer() as rasterizer:
-        done = optimise(plan, base, rasterizer, Cycles, _told)
+        done = optimise(plan, base, rasterizer, Cycles, _told, out / "trials")
         _clear()
         picture = drawn(rasterizer, max(plan.samples, 16))
         lost = write(out, done, document, lambda scene, camera: picture(scene, camera, 0))
@@ -57,6 +57,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _print(done: Any) -> None:
     plan = done.plan
+    if resumed := done.found.resumed + done.random.resumed:
+        print(f"{resumed} trials were there already.")
     best = done.candidates[done.winner]
     columns = [("as it stands", done.as_it_stands), ("winner, real-time", best.live)]
     if best.confirmed is not None:

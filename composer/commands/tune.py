@@ -126,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
             model, frames, args.objective, rules, args.trials, args.seed, args.holdout, args.worst, bounds,
             real=None if args.real is None else lambda: read_series(args.real, wanted, renderer),
             coverage=args.coverage, registration=_registration(args.real), stated=stated, told=_told,
+            keep=args.out / "trials.jsonl",
         )  # fmt: skip
     record.write_tuning(args.out, session, {"series": str(args.series), "seed": args.seed})
     if session.real_frames:
@@ -198,6 +199,8 @@ def _print(session: Any) -> None:
     from analysis.tune.scores import MEASURES, measures_of
 
     t = session.tuning
+    if t.resumed:
+        print(f"{t.resumed} trials were there already.")
     real = bool(session.real_frames)
     rows: list[tuple[str, ...]] = [
         ("", "unit", "defaults", "tuned on", "held out", *(("stated", "real", "inside") if real else ()))

@@ -195,3 +195,37 @@ def test_a_plan_tells_all_that_is_wrong(tmp_path: Path) -> None:
     assert plan.axes[0].law == Uniform(-10, 10)
     assert plan.fixed == {"Lamp.radius_mm": pytest.approx(0.004)}
     assert plan.focus == "/World/Part"
+
+
+class Killed(BaseException):
+    """As a signal ends a program: no handler of the search's takes it."""
+
+
+@pytest.mark.parametrize("method", ["tpe", "random"])
+def test_a_search_that_was_broken_off_goes_on_as_if_it_had_not_been(method: str, tmp_path: Path) -> None:
+    """Trials that break a limit among them, whose values are NaN; the last line cut off in the middle."""
+    whole = search(Known(PLAN, SCENE, None), no_image, method, 0)
+    judged = []
+
+    class Counted(Known):
+        def trial(self, parameters: Mapping[str, float], render: Any, runs: int = 1) -> Trial:
+            judged.append(dict(parameters))
+            if len(judged) == 25:
+                raise Killed
+            return super().trial(parameters, render, runs)
+
+    file = tmp_path / "kept" / "trials.jsonl"
+    with pytest.raises(Killed):
+        search(Counted(PLAN, SCENE, None), no_image, method, 0, keep=file)
+    file.write_text(file.read_text()[:-9])  # the 24th
+    again = search(Counted(PLAN, SCENE, None), no_image, method, 0, keep=file)
+    assert again.resumed == 23
+    assert len(judged) == 25 + 60 - 23
+    assert [t.parameters for t in again.trials] == [t.parameters for t in whole.trials]
+    np.testing.assert_array_equal([t.values for t in again.trials], [t.values for t in whole.trials])
+    assert [t.broken for t in again.trials] == [t.broken for t in whole.trials]
+    assert again.front == whole.front
+    third = search(Counted(PLAN, SCENE, None), no_image, method, 0, keep=file)
+    assert (third.resumed, len(judged)) == (60, 25 + 60 - 23)  # nothing is left to do
+    other = search(Counted(replace(PLAN, text="another"), SCENE, None), no_image, method, 0, keep=file)
+    assert other.resumed == 0

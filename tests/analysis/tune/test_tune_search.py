@@ -237,3 +237,26 @@ def test_features_that_are_cut_off_by_the_border_are_not_judged() -> None:
     assert score(CircleGauge(), both, Rules())["position"] < 0.2
     nothing = score(CircleGauge(), Frame("a", image, CAMERA, Truth(circles={"cut": cut})), Rules())
     assert np.isnan(nothing["position"])
+
+
+def test_a_tuning_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: Any) -> None:
+    frames, file = [frame()], tmp_path / "trials.jsonl"
+    whole = tune(Bowl, frames, ["f1", "position"], Rules(), 20, 1)
+
+    class Killed(BaseException):
+        pass
+
+    def stopped(n: int, total: int) -> None:
+        if n == 12:
+            raise Killed
+
+    with pytest.raises(Killed):
+        tune(Bowl, frames, ["f1", "position"], Rules(), 20, 1, told=stopped, keep=file)
+    again = tune(Bowl, frames, ["f1", "position"], Rules(), 20, 1, keep=file)
+    assert again.resumed == 12
+    assert [t.parameters for t in again.trials] == [t.parameters for t in whole.trials]
+    assert [t.values for t in again.trials] == [t.values for t in whole.trials]
+    assert (again.front, again.chosen) == (whole.front, whole.chosen)
+    brighter = [frame(np.ones((80, 100), np.float32))]
+    assert tune(Bowl, brighter, ["f1", "position"], Rules(), 20, 1, keep=file).resumed == 0
+    assert tune(Bowl, frames, ["f1", "position"], Rules(reach=3), 20, 1, keep=file).resumed == 0
