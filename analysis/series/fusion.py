@@ -36,11 +36,7 @@ def local_contrast(series: Series, window: float = 2.0) -> np.ndarray:
     """
     y = series.per_irradiance.astype(np.float32)
     y = np.where(series.usable, y, 0.0)
-    out = np.empty_like(y)
-    for k, image in enumerate(y):
-        centred = image - image.mean()
-        mean = gaussian_filter(centred, window)
-        out[k] = np.sqrt(np.maximum(gaussian_filter(centred**2, window) - mean**2, 0.0))
+    out = np.stack([local_deviation(image, window) for image in y])
     if series.valid is not None:
         near = np.stack([gaussian_filter((~u).astype(np.float32), window) for u in series.usable])
         out = np.where(near > 0.05, 0.0, out)
@@ -48,6 +44,13 @@ def local_contrast(series: Series, window: float = 2.0) -> np.ndarray:
     if not top > 0:
         raise BrightfieldError("The images must have structure to be fused; each is even.")
     return np.asarray(out / top)
+
+
+def local_deviation(image: np.ndarray, window: float) -> np.ndarray:
+    """Standard deviation (H, W) in a Gaussian window of ``window`` px about every pixel of ``image`` (H, W)."""
+    centred = image - image.mean()
+    mean = gaussian_filter(centred, window)
+    return np.sqrt(np.maximum(gaussian_filter(centred**2, window) - mean**2, 0.0))
 
 
 def fuse(
@@ -59,10 +62,29 @@ def fuse(
     """
     K = local_contrast(series, window)
     w = series.directions
-    apart = 1 - w @ w.T
-    q = np.full(K.shape, 1 / len(series), np.float32)
-    # so hot that all lamps have a share, and each place knows of all others; then cooled, and nearer and nearer
-    hottest, widest = max(1.0, smoothness), max(*series.shape, window)
+    q = shares(K, 1 - w @ w.T, smoothness, window, steps, coldest)
+    lamp = np.argmax(q, axis=0)
+    y = np.where(series.usable, series.per_irradiance, 0.0)
+    return Fused(
+        (q * y).sum(axis=0),
+        lamp,
+        np.take_along_axis(K, lamp[None], axis=0)[0],
+        int(np.argmax(K.mean(axis=(1, 2)))),
+    )
+
+
+def shares(
+    K: np.ndarray,
+    apart: np.ndarray,
+    smoothness: float,
+    window: float,
+    steps: int = 24,
+    coldest: float = 0.01,
+) -> np.ndarray:
+    """q (L, H, W), of 1 in all at every place, by contrasts ``K`` (L, H, W) and how far images lie ``apart`` (L, L)."""
+    q = np.full(K.shape, 1 / len(K), np.float32)
+    # so hot that all images have a share, and each place knows of all others; then cooled, and nearer and nearer
+    hottest, widest = max(1.0, smoothness), max(*K.shape[1:], window)
     for temperature, reach in zip(
         np.geomspace(hottest, coldest, steps), np.geomspace(widest, max(window, 1.0), steps), strict=True
     ):
@@ -73,14 +95,7 @@ def fuse(
         logits = (field - field.max(axis=0)) / temperature
         q = np.exp(logits)
         q /= q.sum(axis=0)
-    lamp = np.argmax(q, axis=0)
-    y = np.where(series.usable, series.per_irradiance, 0.0)
-    return Fused(
-        (q * y).sum(axis=0),
-        lamp,
-        np.take_along_axis(K, lamp[None], axis=0)[0],
-        int(np.argmax(K.mean(axis=(1, 2)))),
-    )
+    return q
 
 
 def _blurred(share: np.ndarray, reach: float) -> np.ndarray:

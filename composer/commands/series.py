@@ -1,7 +1,7 @@
 """`brightfield series ACTION`: illumination series, from capture to defects, materials, normals and the best lamps.
 
-Every action but ``capture`` reads a folder with ``series.json`` and writes maps (EXR), pictures (PNG) and numbers
-(JSON) into ``--out``.
+Every action but ``capture`` and ``focus`` reads a folder with ``series.json``; maps (EXR), pictures (PNG) and numbers
+(JSON) are written into ``--out``.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from composer import series_focus
 from composer.series_files import (
     read_labels,
     write_colors,
@@ -40,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, action in ACTIONS.items():
         one = actions.add_parser(name, help=action.help, description=action.help)
-        if name != "capture":
+        if name not in ("capture", "focus"):
             one.add_argument("series", type=Path, metavar="SERIES", help="a folder with series.json")
             one.add_argument(
                 "--without-missing", action="store_true", help="leave out images whose files are missing"
@@ -394,5 +395,6 @@ ACTIONS = {
     "normals": Action("normals, albedo and heights (photometric stereo)", _normal_options, _normals),
     "choose": Action("the few lamps that say nearly as much as all", _choose_options, _choose),
     "fuse": Action("one image of best contrast", _fuse_options, _fuse),
+    "focus": Action("a focus bracket as one sharp image", series_focus.options, series_focus.run),
     "lights": Action("directions to the lamps from images of a mirror sphere", _lights_options, _lights),
 }
