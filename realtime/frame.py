@@ -1,6 +1,6 @@
 """One image in the making: passes over the bodies, each lit from one point (or a few) of every lamp."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -64,11 +64,11 @@ class Frame:
         self.points = [lamps.samples(light, i, rounds, self.origin) for i, light in enumerate(self.lights)]
         self._ready: dict[tuple[int, bool], Lit] = {}
 
-    def radiance(self, alone: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The image (H, W, 3), and each lamp's own by its name if ``alone``."""
+    def radiance(self, alone: bool) -> Generator[None, None, tuple[np.ndarray, dict[str, np.ndarray]]]:
+        """The image (H, W, 3), and each lamp's own by its name if ``alone``; in pieces of some lamps' light."""
         plan, targets = self.plan, self.stages.targets
         if plan.passes == 1 and (plan.grid == 1 or self.once) and not alone:
-            return self._only_pass(), {}
+            return (yield from self._only_pass()), {}
         total = targets.get("total", self.size)
         own = {light.name: targets.get(f"light:{light.name}", self.size) for light in self.lights if alone}
         jitters = (sampling.square(plan.passes) - 0.5) / plan.grid
@@ -80,6 +80,7 @@ class Frame:
         for k in range(plan.passes):
             drawn = self._pass(plan.grid, jitters[k], spots[k], shifts[k], self.bend)
             self._begin(drawn, k)
+            yield
             if alone:
                 self._own_light_by_lamp(own, weight)
             self._own_light(lamps_too=not alone)
@@ -90,19 +91,22 @@ class Frame:
                 if alone:
                     target = own[chunk[0].sample.light.name]
                     self.stages.lighting.resolve(target.framebuffer, weight)
+                yield
             if not alone:
                 self.stages.lighting.resolve(total.framebuffer, weight)
         images = {name: target.read() for name, target in own.items()}
         targets.keep({"total", *(f"light:{name}" for name in own)})
         return sum(images.values(), total.read()), images
 
-    def _only_pass(self) -> np.ndarray:
+    def _only_pass(self) -> Generator[None, None, np.ndarray]:
         """The image of a single pass whose samples are pixels, without a sum."""
         lighting = self.stages.lighting
         self._begin(self._pass(self.plan.grid, MIDDLE, MIDDLE, bend=self.bend), 0)
+        yield
         self._own_light()
         for chunk in chunks(list(self._points_of_pass(0)), False):
             self._light(chunk, 0)
+            yield
         return lighting.read()
 
     def _begin(self, drawn: Pass, index: int) -> None:

@@ -8,7 +8,7 @@ Light that met another surface first is not drawn.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from types import TracebackType
 
 import moderngl
@@ -37,6 +37,7 @@ class Rasterizer:
         self._own = context is None
         self.context = context if context is not None else headless_context()
         self.shadow_resolution = shadow_resolution
+        self._begun = 0  # images
         with reversed_depth(self.context):
             self.gl = str(self.context.info["GL_RENDERER"])
             self._stages = Stages.create(self.context)
@@ -71,6 +72,29 @@ class Rasterizer:
         ``next_scene``: where the bodies and the camera go, for the pass ``motion``. BrightfieldError for a pass that
         a rasteriser cannot give, for a material whose shader does not compile, and for a lens that it cannot draw.
         """
+        pieces = self.pieces(scene, camera, passes, per_light, samples, shading, next_scene, shadow_offset)
+        while True:
+            try:
+                next(pieces)
+            except StopIteration as end:
+                return end.value
+
+    def pieces(
+        self,
+        scene: Scene,
+        camera: Camera,
+        passes: Sequence[str] = (),
+        per_light: bool = False,
+        samples: int = 16,
+        shading: str = "sample",
+        next_scene: Scene | None = None,
+        shadow_offset: float = 0.0,
+    ) -> Generator[None, None, Image]:
+        """``render`` in pieces, for a window that answers in between: the generator's value is the image, to the bit.
+
+        Other renderers may draw between two pieces; this one may begin another image, which ends this one with a
+        BrightfieldError.
+        """
         asked = wanted_passes(passes, per_light, next_scene)
         made_for = shutter_of(scene, camera)
         scene, rows = exposed(scene, camera)
@@ -84,6 +108,8 @@ class Rasterizer:
                 f"A thin lens (f_stop {camera.lens.f_stop:g}) needs more than 1 sample a pixel; take more, or "
                 f"f_stop 0 for an image that is sharp everywhere. ({str(camera.where) or camera.name})"
             )
+        self._begun += 1
+        begun = self._begun
         with reversed_depth(self.context):
             stages = self._stages
             stages.uploads.begin()
@@ -97,7 +123,18 @@ class Rasterizer:
             stages.shadows.offset = shadow_offset
             stages.uploads.end()
             frame = Frame(stages, scene, camera, samples, self.shadow_resolution, shading == "pixel")
-            pixels, alone = frame.radiance("light" in wanted)
+        radiance = frame.radiance("light" in wanted)
+        while True:
+            with reversed_depth(self.context):
+                try:
+                    next(radiance)
+                except StopIteration as end:
+                    pixels, alone = end.value
+                    break
+            yield
+            if begun != self._begun:
+                raise BrightfieldError("A rasteriser makes one image at a time; it has begun another one.")
+        with reversed_depth(self.context):
             found = {f"light:{name}": image for name, image in alone.items()}
             if "direct" in wanted:
                 found["direct"] = pixels

@@ -133,6 +133,7 @@ class App:
     def _start(self) -> None:
         self.state.context = moderngl.create_context(require=410)
         self.state.renderer = Rasterizer(self.state.context)
+        self.state.full.start(self.state.context)
         io = imgui.get_io()
         io.config_windows_move_from_title_bar_only = True
         io.config_drag_click_to_input_text = False

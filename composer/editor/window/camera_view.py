@@ -2,7 +2,9 @@
 number under the cursor, and the path-traced image beside it."""
 
 import time
+from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,7 @@ class CameraView:
     full: bool = False
     problem: str = ""
     seed: int = 0
+    exposing: tuple[Any, Future[Image]] | None = None
     hidden: Hidden = field(init=False)
 
     def __post_init__(self) -> None:
@@ -172,7 +175,8 @@ class CameraView:
 
     def _picture(self, camera: Camera) -> None:
         state = self.state
-        if imgui.get_frame_count() < OVERVIEW_FIRST:
+        ready = state.full.ready
+        if imgui.get_frame_count() < OVERVIEW_FIRST or ready is None or not ready.done():
             return
         used = self._size(camera)
         quiet = self._rests
@@ -188,36 +192,45 @@ class CameraView:
         )
         if key == self.drawn or state.renderer is None or state.context is None:
             return
-        self.drawn, self.full, self.problem = key, quiet, ""
         before = state.context.detect_framebuffer()
+        self.problem = ""
         try:
             blurred = used.lens.f_stop > 0 and used.lens.focus_distance > 0
-            samples = (16 if blurred else 4) if quiet else (2 if blurred else 1)
-            self.live = self._rendered(used, samples)
-            self.seed += 1
-            self.shown = self._exposed(self.live)
+            if quiet:
+                made = self._in_full(key, used, 16 if blurred else 4)
+            else:
+                live = state.renderer.render(state.scene, used, samples=2 if blurred else 1)
+                self.seed += 1
+                made = live, self._exposed(live, self.seed)
+            if made is None:
+                return  # the window goes on; the preview stays
+            self.live, self.shown = made
             self._show("live", self.shown, measure=True)
         except BrightfieldError as error:
             self.problem = str(error)
         finally:
             before.use()
+        self.drawn, self.full, self.exposing = key, quiet, None
 
-    def _rendered(self, camera: Camera, samples: int) -> Image:
-        """Radiance; two views of one camera share it."""
+    def _in_full(self, key: Any, camera: Camera, samples: int) -> tuple[Image, Image] | None:
+        """Radiance and what is shown of it, once they are made; two views of one camera share the first."""
         state = self.state
-        assert state.renderer is not None
-        key = (state.scene_key, state.workspace.time, camera.name, camera.sensor.resolution, samples)
-        if key not in state.pictures:
-            while len(state.pictures) > 3:
-                state.pictures.pop(next(iter(state.pictures)))
-            state.pictures[key] = state.renderer.render(state.scene, camera, samples=samples)
-        return state.pictures[key]
+        seen = (state.scene_key, state.workspace.time, camera.name, camera.sensor.resolution, samples)
+        image = state.full.radiance(seen, state.scene, camera, samples, imgui.get_frame_count())
+        if image is None:
+            return None
+        if self.exposing is None or self.exposing[0] != key:
+            self.seed += 1
+            self.exposing = (
+                key,
+                state.full.exposed(partial(_exposed, image, self.mode, self.seed if self.noise else None)),
+            )
+        if not self.exposing[1].done():
+            return None
+        return image, self.exposing[1].result()
 
-    def _exposed(self, image: Image) -> Image:
-        if self.mode == "radiance":
-            return image
-        rng = np.random.default_rng(self.seed) if self.noise else None
-        return expose(image, rng=rng)
+    def _exposed(self, image: Image, seed: int) -> Image:
+        return _exposed(image, self.mode, seed if self.noise else None)
 
     def _show(self, name: str, image: Image, measure: bool = False) -> None:
         assert self.state.context is not None
@@ -265,7 +278,7 @@ class CameraView:
         self.offline_drawn = key
         before = self.state.context.detect_framebuffer()
         try:
-            self.offline = self._exposed(job.image)
+            self.offline = self._exposed(job.image, self.seed)
             self._show("offline", self.offline)
         except BrightfieldError as error:
             self.problem = str(error)
@@ -373,9 +386,16 @@ class CameraView:
         imgui.set_tooltip(text + ("    path-traced" if right else "") + ("" if self.full else "    preview"))
 
 
+def _exposed(image: Image, mode: str, seed: int | None) -> Image:
+    """As a view shows it; without a ``seed`` the mean of many frames."""
+    if mode == "radiance":
+        return image
+    return expose(image, rng=None if seed is None else np.random.default_rng(seed))
+
+
 def keep_awake(state: State) -> None:
     """The window rests when nothing happens; not while a picture is still to be made, or a worker renders."""
     waiting = not state.quiet or (state.job is not None and state.job.running)
     hello_imgui.get_runner_params().fps_idling.fps_idle = 12.0 if waiting else 4.0
-    if time.monotonic() - state.changed_at < 0.6:
+    if time.monotonic() - state.changed_at < 0.6 or state.full.busy(imgui.get_frame_count()):
         hello_imgui.request_refresh()

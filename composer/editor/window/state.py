@@ -13,8 +13,8 @@ from composer.editor.offline_job import OfflineJob
 from composer.editor.orbit import Orbit
 from composer.editor.presets import Preset
 from composer.editor.preview import moved
+from composer.editor.window.full_picture import FullPictures
 from composer.editor.workspace import Workspace
-from interchange.image import Image
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
@@ -60,9 +60,7 @@ class State:
     rename_to: str = ""
     changed_at: float = 0.0
     quit: bool = False
-    pictures: dict[Any, Image] = field(
-        default_factory=dict
-    )  # radiance that camera views share, by what it shows
+    full: FullPictures = field(default_factory=FullPictures)
     _moved: tuple[Any, Scene] | None = None
     _seen: Any = None
 
