@@ -47,11 +47,14 @@ def scene_file(folder: Path, triangles: int) -> Path:
 
 
 def measure(file: Path, size: tuple[int, int], frames: int) -> None:
-    from composer.editor.window import app as window
+    from composer.commands.edit import load_window
     from composer.editor.workspace import Workspace
 
     workspace = Workspace()
+    load_window()
     workspace.open(file)
+    from composer.editor.window import app as window
+
     app = window.App(workspace, rests=False)
     times: list[tuple[float, float]] = []
     told: list[int] = []  # frames until the camera's picture was there in full

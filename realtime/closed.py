@@ -1,8 +1,6 @@
 """Whether a mesh is a closed surface with its faces turned outward, so that its back faces are always hidden."""
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 
 def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
@@ -11,10 +9,9 @@ def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
     if not len(faces):
         return False
     # a seam's two sides differ by rounding
-    grid = np.round((vertices - vertices.mean(axis=0)) / (1e-6 * max(float(np.ptp(vertices)), 1e-30))).astype(
-        np.int64
-    )
-    _, place = np.unique(grid, axis=0, return_inverse=True)
+    scale = 1e-6 * max(float(np.ptp(vertices)), 1e-30)
+    x, y, z = np.round((vertices - vertices.min(axis=0)) / scale).astype(np.int64).T  # 20 bits each
+    _, place = np.unique((x << 42) | (y << 21) | z, return_inverse=True)
     f = place.reshape(-1)[faces].astype(np.int64)
     f = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]  # poles of spheres and the like
     if not len(f):
@@ -24,6 +21,9 @@ def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
     forth, back = np.sort(a * count + b), np.sort(b * count + a)
     if not np.array_equal(forth, back) or (np.diff(forth) == 0).any():
         return False
+    from scipy.sparse import coo_matrix  # a third of a second to import
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_matrix((np.ones(len(a), np.int8), (a, b)), shape=(count, count))
     _, part = connected_components(graph, directed=False)
     at = np.zeros((count, 3))

@@ -1,9 +1,11 @@
 """`brightfield edit [FILE]`: the window; or, with --headless, the same edits from a script."""
 
 import argparse
+import importlib
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from composer.reading import add_reading_options, options_from
@@ -55,6 +57,8 @@ def run(args: argparse.Namespace) -> int:
     from composer.editor.workspace import Workspace
 
     workspace = Workspace(None if args.headless else Autosave())
+    if not args.headless:
+        load_window()
     if args.file is not None and (args.headless or args.file.exists() or args.file.suffix != ".usda"):
         workspace.open(args.file, options_from(args))
     elif args.file is not None:
@@ -92,6 +96,11 @@ def run(args: argparse.Namespace) -> int:
         print(lost, file=sys.stderr)
     print(f"{target} written after {len(workspace.history.done)} edits.")
     return 0
+
+
+def load_window() -> None:
+    """Import the window's modules while a process of its own reads the file: half a second of a start."""
+    Thread(target=importlib.import_module, args=("composer.editor.window.app",), daemon=True).start()
 
 
 def edit_from(lines: Iterable[str], workspace: "Workspace") -> None:

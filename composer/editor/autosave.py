@@ -10,8 +10,6 @@ import uuid
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import psutil
-
 from interchange.formats.atomic import written_beside
 from interchange.formats.usd_edit import LiveStage
 
@@ -46,6 +44,8 @@ class Autosave:
 
     def keep(self, live: LiveStage, scene: str, steps: int) -> None:
         """Raises FileError or OSError where it cannot be written."""
+        import psutil  # a tenth of a second of a window's start
+
         self.folder.mkdir(parents=True, exist_ok=True)
         beside = written_beside(self.file)
         live.keep_in(beside)
@@ -81,6 +81,8 @@ def orphans(where: Path | None = None) -> list[Saved]:
 
 
 def _runs(saved: Saved) -> bool:
+    import psutil
+
     try:
         return abs(psutil.Process(saved.pid).create_time() - saved.started) < 1.0
     except psutil.NoSuchProcess:

@@ -118,14 +118,22 @@ class Robot:
         self.frames(3)
 
     def drag(
-        self, start: tuple[float, float], end: tuple[float, float], steps: int = 4, button: int = 1
+        self,
+        start: tuple[float, float],
+        end: tuple[float, float],
+        steps: int = 4,
+        button: int = 1,
+        held: Callable[[], None] | None = None,
     ) -> None:
+        """``held`` is called before the button is let go."""
         self.move(*start)
         self.tool("mousedown", button)
         self.frames(2)
         for k in range(1, steps + 1):
             t = k / steps
             self.move(start[0] + t * (end[0] - start[0]), start[1] + t * (end[1] - start[1]))
+        if held is not None:
+            held()
         self.tool("mouseup", button)
         self.frames(3)
 

@@ -1,4 +1,5 @@
-"""The editor driven as a person would: a STEP part, a lamp, a measured material, a camera, undone, saved, reopened.
+"""The editor driven as a person would: a STEP part, a lamp, a measured material, a camera, streamed while the part is
+dragged, undone, saved, reopened; then killed, started again, and its work recovered.
 
 python -m composer.editor.tour --out DIR              # status 0 where every step did what it should
 python -m composer.editor.tour --out DIR --pictures   # the pictures of docs/editor.md
@@ -6,6 +7,7 @@ python -m composer.editor.tour --out DIR --pictures   # the pictures of docs/edi
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -17,13 +19,16 @@ from pathlib import Path
 import numpy as np
 
 from composer.editor.autosave import Autosave
+from composer.editor.live_camera import LiveCamera
 from composer.editor.robot import Robot, missing, screen
-from composer.editor.window.app import App
+from composer.editor.window import app as window
 from composer.editor.workspace import Workspace
 from interchange.brdf.lafortune import Lafortune
 from interchange.problems import BrightfieldError
 
 PART = "cad/featuretype.STEP"
+CRASHED = "crashed"  # folder of the copies that outlive a crash
+SCENES = ("steps", "crash", "recover", "pictures")
 LARGE, SMALL = (1600, 960), (1200, 760)
 
 
@@ -82,6 +87,7 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     stream = robot.app.state.stream
     assert stream is not None
     robot.wait("A frame", lambda: stream._publisher.latest is not None)
+    dragged_in_the_stream(robot, stream, body)
     robot.click("stream 0")
     robot.wait("The stream's end", lambda: robot.app.state.stream is None)
 
@@ -124,6 +130,52 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     assert again.lights[0].intensity == scene.lights[0].intensity
     assert again.cameras[0].lens == scene.cameras[0].lens
     assert again.cameras[0].sensor == scene.cameras[0].sensor
+
+
+def dragged_in_the_stream(robot: Robot, stream: LiveCamera, body: str) -> None:
+    """Frames show the part while the mouse still holds it, where it is let go, and where undo puts it."""
+    workspace = robot.app.state.workspace
+    name = workspace.scene.bodies[0].name
+    robot.click(f"tree {body}")
+    start = workspace.scene.bodies[0].world_from_body
+
+    def streamed() -> np.ndarray:
+        frame = stream._publisher.latest
+        assert frame is not None
+        return frame.truth.pose(name)
+
+    def held() -> None:
+        robot.wait("The drag in the stream", lambda: np.abs(streamed() - start).max() > 1e-4)
+        np.testing.assert_array_equal(workspace.scene.bodies[0].world_from_body, start)
+        shown = robot.app.state.scene.bodies[0].world_from_body
+        robot.wait("The latest of it", lambda: np.array_equal(streamed(), shown))
+
+    middle = robot.middle("gizmo")
+    robot.drag(middle, (middle[0] + 30, middle[1] - 20), held=held)
+    end = workspace.scene.bodies[0].world_from_body
+    assert np.abs(end - start).max() > 1e-4, "the part was let go elsewhere"
+    robot.wait("Its new place in the stream", lambda: np.allclose(streamed(), end, atol=1e-12))
+    robot.key("ctrl+z")
+    robot.wait("Its old place in the stream", lambda: np.allclose(streamed(), start, atol=1e-12))
+
+
+def crash(robot: Robot, out: Path) -> None:
+    """Edit, and die without a word once the copy is there."""
+    app = robot.app
+    window.AUTOSAVE_SECONDS = 0.1
+    robot.menu("Add", "Area lamp")
+    robot.wait("The lamp", lambda: len(app.state.workspace.scene.lights) == 1)
+    robot.wait("The copy", lambda: any((out / CRASHED).glob("[!.]*.json")))
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def recover(robot: Robot, out: Path) -> None:
+    """What the crashed editor held is offered, and there again."""
+    workspace = robot.app.state.workspace
+    assert not workspace.scene.lights
+    robot.click("recover")
+    robot.wait("The recovered lamp", lambda: len(workspace.scene.lights) == 1)
+    assert workspace.unsaved, "it is still to be saved"
 
 
 def seen(robot: Robot, number: int) -> tuple[float, float]:
@@ -204,28 +256,34 @@ def rest(robot: Robot) -> None:
     robot.frames(3)
 
 
-def drive(assets: Path, out: Path, with_pictures: bool) -> int:
-    """Open the window on this screen, take the steps, close it."""
+def drive(assets: Path, out: Path, scene: str) -> int:
+    """Open the window on this screen, take the steps of ``scene`` (SCENES), close it."""
     out.mkdir(parents=True, exist_ok=True)
-    app = App(Workspace(Autosave(out / "autosave")), rests=False)
+    autosave = Autosave(out / (CRASHED if scene in ("crash", "recover") else "autosave"))
+    app = window.App(Workspace(autosave), rests=False)
     failed: list[str] = []
 
     def run() -> None:
         robot = Robot(app)
         try:
             robot.wait("The window", lambda: app.frames > 5)
-            if with_pictures:
-                robot.patience = 600.0
-                pictures(robot, assets.resolve(), out.resolve())
-            else:
-                steps(robot, (assets / PART).resolve(), out.resolve())
+            match scene:
+                case "pictures":
+                    robot.patience = 600.0
+                    pictures(robot, assets.resolve(), out.resolve())
+                case "steps":
+                    steps(robot, (assets / PART).resolve(), out.resolve())
+                case "crash":
+                    crash(robot, out)
+                case _:
+                    recover(robot, out)
         except Exception:  # told at the end, by the main thread
             failed.append(traceback.format_exc())
             robot.picture(out / "failed.png")
         app.state.quit = True
 
     threading.Thread(target=run, name="robot", daemon=True).start()
-    app.run(LARGE if with_pictures else SMALL)
+    app.run(LARGE if scene == "pictures" else SMALL)
     for text in failed:
         print(text, file=sys.stderr)
     return 1 if failed else 0
@@ -238,18 +296,21 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the scene and the pictures")
     parser.add_argument("--pictures", action="store_true", help="make the pictures of docs/editor.md")
-    parser.add_argument("--here", action="store_true", help="on the screen that is there")
+    parser.add_argument("--here", choices=SCENES, help="take these steps, on the screen that is there")
     args = parser.parse_args()
     if args.here:
-        return drive(args.assets, args.out, args.pictures)
+        return drive(args.assets, args.out, args.here)
     if missing():
         raise BrightfieldError(f"The tour needs {' and '.join(missing())}: apt install xvfb xdotool.")
     began = time.perf_counter()
+    failed = False
     with screen(*(LARGE if args.pictures else SMALL)) as display:
-        words = [sys.executable, "-m", "composer.editor.tour", *sys.argv[1:], "--here"]
-        status = subprocess.run(words, env={**os.environ, "DISPLAY": display}).returncode
-    print(f"{'done' if status == 0 else 'failed'} in {time.perf_counter() - began:.0f} s")
-    return status
+        for scene in ("pictures",) if args.pictures else ("steps", "crash", "recover"):
+            words = [sys.executable, "-m", "composer.editor.tour", *sys.argv[1:], "--here", scene]
+            status = subprocess.run(words, env={**os.environ, "DISPLAY": display}).returncode
+            failed = failed or status != (-signal.SIGKILL if scene == "crash" else 0)
+    print(f"{'failed' if failed else 'done'} in {time.perf_counter() - began:.0f} s")
+    return int(failed)
 
 
 if __name__ == "__main__":

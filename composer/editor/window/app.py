@@ -74,6 +74,9 @@ class App:
         options = hello_imgui.OpenGlOptions()
         options.major_version, options.minor_version = 4, 1
         options.use_core_profile, options.use_forward_compat, options.glsl_version = True, False, "410"
+        options.anti_aliasing_samples = (
+            0  # lines and edges of Dear ImGui are smooth without; its 8 cost half a frame
+        )
         params.renderer_backend_options.open_gl_options = options
         window = params.imgui_window_params
         window.default_imgui_window_type = hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space

@@ -19,7 +19,6 @@ from composer.editor.window.places import mark, mark_rect
 from composer.editor.window.state import State
 from composer.editor.window.toolbar import toggle
 from interchange.camera import Camera
-from interchange.exposure import expose
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 
@@ -390,6 +389,8 @@ def _exposed(image: Image, mode: str, seed: int | None) -> Image:
     """As a view shows it; without a ``seed`` the mean of many frames."""
     if mode == "radiance":
         return image
+    from interchange.exposure import expose  # loaded beside the window (full_picture)
+
     return expose(image, rng=None if seed is None else np.random.default_rng(seed))
 
 

@@ -1,6 +1,6 @@
 """Sensors' images in full, made between the window's frames: drawn piece by piece, exposed in another thread.
 
-    while the window asks:   30 ms of a frame, or a piece, for the next ones of an image; then the exposure, which it polls
+    while the window asks:   30 ms of a frame, or a piece, for the next ones; then the exposure, which it polls
 
 A change of the scene drops what was begun. The renderer is one of its own, since an image in the making is its state.
 """
@@ -15,7 +15,6 @@ import moderngl
 import numpy as np
 
 from interchange.camera import Camera, Lens
-from interchange.exposure import expose
 from interchange.image import Image, Quantity
 from interchange.scene import Scene
 from interchange.sensor import Sensor
@@ -102,6 +101,8 @@ class FullPictures:
 
 def _warm() -> None:
     """Load and compile what an exposure with noise needs."""
+    from interchange.exposure import expose
+
     sensor = Sensor((8, 8), (5e-6, 5e-6), responsivity=1e6, full_well=1e4, bit_depth=12, read_noise=5)
     camera = Camera("warm", lens=Lens(8e-3), sensor=sensor, t_exp=1e-3)
     image = Image(np.ones((8, 8, 3), np.float32), Quantity.RADIANCE, camera)
