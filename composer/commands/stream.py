@@ -54,7 +54,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     how.add_argument("--exposure", type=float, metavar="S", help="exposure time (default: the camera's)")
     how.add_argument("--gain", type=float, metavar="DB", help="gain (default: the camera's)")
-    how.add_argument("--trigger", action="store_true", help="a frame a software trigger, not a frame rate")
+    how.add_argument(
+        "--trigger",
+        type=float,
+        nargs="?",
+        const=0.0,
+        metavar="S",
+        help="a frame a trigger, not a frame rate: every S seconds, or, without S, by software",
+    )
     how.add_argument("--width", type=int, default=0, metavar="PX", help="columns; the field of view stays")
     how.add_argument("--samples", type=int, default=4, help="a pixel (default %(default)s)")
     how.add_argument(
@@ -122,7 +129,8 @@ def run(args: argparse.Namespace) -> int:
         "format": args.format,
         "t_exp": args.exposure,
         "gain_dB": args.gain,
-        "triggered": args.trigger or None,
+        "triggered": None if args.trigger is None else True,
+        "trigger_period": args.trigger,
     }
     asked = {k: v for k, v in settings.items() if v is not None}
     scene = moving(document, args)
@@ -209,6 +217,8 @@ def summary(publishers: "Sequence[Publisher]", serving: "Sequence[Transport]") -
             f"{t.late_median * 1e3:.2f} ms (95 %: {t.late_p95 * 1e3:.2f} ms), {t.missed} periods without a frame",
             file=sys.stderr,
         )
+    if not any(p.camera.timing.frames for p in publishers):
+        return
     for one in serving:
         for client in one.clients():
             print(

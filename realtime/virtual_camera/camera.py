@@ -112,7 +112,7 @@ class VirtualCamera:
         with self._changed:
             while self._open:
                 settings, now = self._settings, self.scene.elapsed()
-                if settings.triggered:
+                if settings.waits:
                     if self._triggers:
                         self._triggers -= 1
                         return (
@@ -168,15 +168,16 @@ class VirtualCamera:
         return self._settings
 
     def configure(self, **changes: Any) -> Settings:
-        """Change settings by name (``t_exp=``, ``gain_dB=``, ``frame_rate=``, ``region=``, ``triggered=``, ``format=``
-        by name too), all or none; they hold from the next exposure on. BrightfieldError where one cannot be."""
+        """Change settings by name (``t_exp=``, ``gain_dB=``, ``frame_rate=``, ``region=``, ``triggered=``,
+        ``trigger_period=``, ``format=`` by name too), all or none; they hold from the next exposure on. BrightfieldError
+        where one cannot be."""
         if isinstance(changes.get("format"), str):
             changes["format"] = named(changes["format"])
         if "region" in changes:
             changes["region"] = tuple(int(x) for x in changes["region"])
         with self._changed:
             before, self._settings = self._settings, replace(self._settings, **changes).check(self.sensor)
-            if self._settings.triggered and not before.triggered:
+            if self._settings.waits and not before.waits:
                 self._triggers = 0
             self._changed.notify_all()
             return self._settings

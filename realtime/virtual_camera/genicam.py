@@ -129,8 +129,15 @@ def features(device: "GigeDevice") -> list[Feature]:
             entries=onoff,
         ),
         Feature(
-            "TriggerSource", acquisition, "Enumeration", "Where triggers come from", lambda d: 0, lambda d, v: None,
-            entries={"Software": 0},
+            "TriggerSource", acquisition, "Enumeration", "Where triggers come from",
+            lambda d: int(d.camera.settings.trigger_period > 0), lambda d, v: d.set_trigger(bool(v), d.timer),
+            entries={"Software": 0, "Timer0End": 1},
+        ),
+        Feature(
+            "TimerDuration", acquisition, "Float", "From one trigger of the timer to the next",
+            lambda d: d.timer * 1e6,
+            lambda d, v: d.set_trigger(d.camera.settings.trigger_period > 0, float(v) / 1e6),
+            unit="us", low=10, high=1e9,
         ),
         Feature("TriggerSoftware", acquisition, "Command", "One frame", put=lambda d, v: d.trigger()),
         Feature(

@@ -44,6 +44,7 @@ class GigeDevice:
         self.publisher, self.camera, self.address = publisher, publisher.camera, address
         self.serial = self.camera.sensor.serial_number or f"{zlib.crc32(self.camera.name.encode()):08X}"
         self.mode, self.locked, self.chunks = 0, 0, False
+        self.timer = self.camera.settings.trigger_period or 0.1  # s, of TriggerSource Timer0End
         told = len(json.dumps(self.camera.prepare().truth.record()))
         self.truth_bytes = -(-(told + told // 2 + 4096) // 4) * 4
         self.placed = genicam.addresses(genicam.features(self))
@@ -89,8 +90,13 @@ class GigeDevice:
 
     def trigger(self) -> None:
         """Without effect where nothing is acquired, as on a camera."""
-        if self.acquiring and self.camera.settings.triggered:
+        if self.acquiring and self.camera.settings.waits:
             self.camera.trigger()
+
+    def set_trigger(self, timed: bool, timer: float) -> None:
+        """Triggers every ``timer`` s, or from software."""
+        self.camera.configure(trigger_period=timer if timed else 0.0)
+        self.timer = timer
 
     def set_mode(self, mode: int) -> None:
         self.mode = mode

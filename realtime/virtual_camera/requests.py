@@ -2,7 +2,7 @@
 
 | path | body |
 |---|---|
-| ``NAME/settings`` | any of ``exposure_s``, ``gain_dB``, ``frame_rate``, ``format``, ``region``, ``triggered`` |
+| ``NAME/settings`` | any of those of ``SETTINGS`` |
 | ``NAME/trigger`` | ``{}`` |
 | ``NAME/pose`` | ``{"world_from_camera": (4, 4) or null}`` |
 | ``scene`` | any of ``bodies`` {prim: (4, 4) or null}, ``joints`` {name: rad or m}, ``conveyors`` {name: m/s} |
@@ -24,6 +24,7 @@ SETTINGS = {
     "format": "format",
     "region": "region",
     "triggered": "triggered",
+    "trigger_period_s": "trigger_period",
 }
 
 

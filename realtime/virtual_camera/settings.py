@@ -12,7 +12,8 @@ from realtime.virtual_camera.pixel_format import PixelFormat, formats
 @dataclass(frozen=True)
 class Settings:
     """``region`` (x, y, width, height): px of the sensor that are read out. ``triggered``: a frame a trigger, instead
-    of ``frame_rate`` of them a second."""
+    of ``frame_rate`` of them a second; triggers come from a timer every ``trigger_period`` s, or from software where
+    that is 0."""
 
     format: PixelFormat
     region: tuple[int, int, int, int]
@@ -20,6 +21,9 @@ class Settings:
     gain_dB: float = parameter(0.0, "g", "dB", -60, 120, "gain before the converter")
     frame_rate: float = parameter(30.0, "f_p", "1/s", 1e-3, 1e5, "frames a second")
     triggered: bool = False
+    trigger_period: float = parameter(
+        0.0, "t_t", "s", 0, 1e3, "from trigger to trigger of the timer; 0: software"
+    )
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -27,7 +31,13 @@ class Settings:
     @property
     def period(self) -> float:
         """s from frame to frame: a sensor that still collects light cannot begin the next frame."""
-        return max(1 / self.frame_rate, self.t_exp)
+        timed = self.triggered and self.trigger_period > 0
+        return max(self.trigger_period if timed else 1 / self.frame_rate, self.t_exp)
+
+    @property
+    def waits(self) -> bool:
+        """For a trigger of software."""
+        return self.triggered and self.trigger_period == 0
 
     def check(self, sensor: Sensor) -> "Settings":
         """Raises BrightfieldError where the sensor has no such region or format."""

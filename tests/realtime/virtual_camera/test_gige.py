@@ -208,6 +208,24 @@ def test_one_software_trigger_gives_one_frame(scene, live):
         assert len(set(blocks)) == 3
 
 
+def test_a_timer_triggers_periodically(scene, live):
+    with device(scene, live.Flat(), format="Mono8", frame_rate=50) as served:
+        client = Client(served.places[0]).describe().control()
+        assert client.feature("TimerDuration", 80_000.0) == 0  # us
+        assert client.feature("TriggerSource", 1) == 0
+        assert client.feature("TriggerMode", 1) == 0
+        client.feature("AcquisitionStart", 1)
+        seconds = []
+        for _ in range(4):
+            number = client.block()[2]
+            seconds.append(served.devices[0].publisher.truth(number).seconds)
+        periods = np.diff(seconds) / 0.08
+        np.testing.assert_allclose(periods, np.round(periods), atol=1e-6)
+        assert periods.min() > 0.5
+        assert client.feature("TriggerSource", 0) == 0
+        assert served.devices[0].camera.settings.waits, "for software again"
+
+
 def test_the_truth_is_a_chunk_of_the_frame(scene, live):
     with device(scene, live.Flat(), format="Mono8", frame_rate=50) as served:
         served.devices[0].camera.scene.set_body_pose("/World/Part", live.at(0.1, 0.2))

@@ -145,6 +145,18 @@ def test_one_software_trigger_gives_one_frame(empty, live):
         assert camera.position[0] == 4
 
 
+def test_a_timer_triggers_every_period_as_long_as_exposures_are_shorter(empty, live):
+    how = {"draw": live.Pattern(), "triggered": True, "trigger_period": 0.25, "frame_rate": 50}
+    with VirtualCamera(empty, "Top", **how) as camera:
+        assert [camera.take().truth.seconds for _ in range(3)] == [0.0, 0.25, 0.5]
+        camera.configure(t_exp=0.5)
+        camera.take()
+        assert camera.take().truth.seconds == 1.25
+        camera.configure(trigger_period=0.0)
+        camera.timeout = 0.05
+        assert camera.read() == (False, None), "software triggers again"
+
+
 def test_the_truth_is_the_pose_that_was_set_and_what_the_pixels_show(bench, drawing, live):
     scene = MovingScene(bench)
     with VirtualCamera(scene, draw=drawing, maps=("object_id",), noise=False) as camera:
