@@ -169,8 +169,8 @@ class VirtualCamera:
 
     def configure(self, **changes: Any) -> Settings:
         """Change settings by name (``t_exp=``, ``gain_dB=``, ``frame_rate=``, ``region=``, ``triggered=``,
-        ``trigger_period=``, ``format=`` by name too), all or none; they hold from the next exposure on. BrightfieldError
-        where one cannot be."""
+        ``trigger_period=``, ``format=`` by name too), all or none; they hold from the next exposure on.
+        BrightfieldError where one cannot be."""
         if isinstance(changes.get("format"), str):
             changes["format"] = named(changes["format"])
         if "region" in changes:
