@@ -1,9 +1,11 @@
 """How fast a sweep is: against as many starts of the program, and on two workers against one.
 
-    python benchmarks/sweep.py [--frames 1000] [--starts 10] [--samples 4] [--width 160] [--truth]
+    python benchmarks/sweep.py [--frames 1000] [--starts 10] [--pieces 1] [--samples 4] [--width 160] [--truth]
 
-A start is `brightfield render` of the same scene, camera, size and samples to the same kind of file. ``--truth``:
-with everything that a sweep can write: DN, masks, COCO and BOP, and a sampled scratch in every frame.
+``--pieces``: starts, the sweep on one worker and the sweep on two take turns that many times. Beside each stands how
+much of the machine's processors other programs had. A start is `brightfield render` of the same scene, camera, size and
+samples to the same kind of file. ``--truth``: with everything that a sweep can write: DN, masks, COCO and BOP, and a
+sampled scratch in every frame.
 """
 
 import argparse
@@ -13,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from analysis.sweep.plan_file import read
@@ -65,36 +68,71 @@ def started(folder: Path, starts: int, samples: int, width: int) -> tuple[float,
     return time.perf_counter() - began, cpu() - used
 
 
+def busy() -> float:
+    """s that all processors of the machine have worked since it started, for whomever."""
+    ticks = [int(x) for x in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]]
+    return (sum(ticks) - ticks[3] - ticks[4]) / os.sysconf("SC_CLK_TCK")  # but idle and waiting for disks
+
+
+class Watched:
+    """Times pieces of one kind, and what others had of the processors meanwhile."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.pieces = name, list[tuple[int, float, float, float]]()
+
+    def piece(self, count: int, work: Callable[[], tuple[float, float]]) -> None:
+        began, all_before, own_before = time.perf_counter(), busy(), cpu()
+        seconds, used = work()
+        passed = time.perf_counter() - began
+        others = max(busy() - all_before - (cpu() - own_before), 0.0) / passed
+        self.pieces.append((count, seconds, used, others))
+        print(
+            f"{self.name}: {count} in {seconds:.1f} s, {used:.1f} s of processor; others had {others:.2f} processors",
+            flush=True,
+        )
+
+    @property
+    def wall(self) -> float:
+        """s of each."""
+        return sum(p[1] for p in self.pieces) / sum(p[0] for p in self.pieces)
+
+    @property
+    def used(self) -> float:
+        return sum(p[2] for p in self.pieces) / sum(p[0] for p in self.pieces)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--starts", type=int, default=10)
+    parser.add_argument("--pieces", type=int, default=1)
     parser.add_argument("--samples", type=int, default=4)
     parser.add_argument("--width", type=int, default=160)
     parser.add_argument("--truth", action="store_true")
     args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        plan = plan_of(folder, args.frames, args.samples, args.width, args.truth)
-        half = max(1, args.starts // 2)
-        first = started(folder, half, args.samples, args.width)
-        found = {workers: swept(plan, folder / f"on{workers}", workers) for workers in (1, 2)}
-        second = started(folder, half, args.samples, args.width)
-        wall, used = ((a + b) / (2 * half) for a, b in zip(first, second, strict=True))
+    start, one, two = Watched("starts"), Watched("sweep, 1 worker"), Watched("sweep, 2 workers")
+    frames, starts = max(1, args.frames // args.pieces), max(1, args.starts // args.pieces)
+    for k in range(args.pieces):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            plan = plan_of(folder, frames, args.samples, args.width, args.truth)
+            start.piece(starts, lambda f=folder: started(f, starts, args.samples, args.width))  # type: ignore[misc]
+            for workers, watched in ((1, one), (2, two))[:: 1 if k % 2 == 0 else -1]:
+                watched.piece(frames, lambda f=folder, p=plan, w=workers: swept(p, f / f"on{w}", w))  # type: ignore[misc]
     print(
-        f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {args.frames} frames, {args.width} px wide"
+        f"{os.cpu_count()} cores; {args.frames} frames, {args.width} px wide; workers' starts are counted in"
     )
-    print(f"a start of the program: {wall:.2f} s, {used:.2f} s of processor")
-    for workers, (seconds, spent) in found.items():
-        each = seconds / args.frames
+    print(f"a start of the program: {start.wall:.2f} s, {start.used:.2f} s of processor")
+    for watched in (one, two):
         print(
-            f"a sweep on {workers}: {1e3 * each:.1f} ms a frame, {args.frames / seconds:.1f} frames/s, "
-            f"{1e3 * spent / args.frames:.1f} ms of processor; {wall / each:.1f} times the frames/s of starts, "
-            f"{used * args.frames / spent:.1f} times by processor time"
+            f"{watched.name}: {1e3 * watched.wall:.1f} ms a frame, {1 / watched.wall:.1f} frames/s, "
+            f"{1e3 * watched.used:.1f} ms of processor; {start.wall / watched.wall:.1f} times the frames/s of starts, "
+            f"{start.used / watched.used:.1f} times by processor time"
         )
-    print(f"two workers are {found[1][0] / found[2][0]:.2f} times as fast as one")
+    ratios = [a[1] / b[1] for a, b in zip(one.pieces, two.pieces, strict=True)]
+    print(f"two workers are {', '.join(f'{r:.2f}' for r in ratios)} times as fast as one, by pieces")
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def figure_8(shown: Shown, path: Path) -> None:
             spot.annotate(name[0], (column, row), color="red", fontsize=7)
     left.suptitle("(a) illumination series of a coin", fontsize=10)
     right.suptitle("(b) reflectance functions r(φ, θ), θ outwards in degrees", fontsize=10)
-    _save(figure, path)
+    save(figure, path)
 
 
 def figure_9(shown: Shown, path: Path) -> None:
@@ -136,7 +136,7 @@ def figure_9(shown: Shown, path: Path) -> None:
     axes[2].set_title("(b) RX, γ = 0.95", fontsize=10)
     for axis in axes:
         _bare(axis)
-    _save(figure, path)
+    save(figure, path)
 
 
 def figures_10_and_11(shown: Shown, path: Path, scatter: Path) -> tuple[float, float]:
@@ -165,7 +165,7 @@ def figures_10_and_11(shown: Shown, path: Path, scatter: Path) -> tuple[float, f
         axis.set_title(f"{name}: ARI {score:.3f}", fontsize=10)
     for axis in axes:
         _bare(axis)
-    _save(figure, path)
+    save(figure, path)
     _scatter(lobes.features, by_lobes, samples, classes, scatter)
     return scores
 
@@ -200,7 +200,7 @@ def _scatter(
         "Fig. 11: Lafortune features; colours: samples of Fig. 10 (a); crosses: clusters' medians",
         fontsize=10,
     )
-    _save(figure, path)
+    save(figure, path)
 
 
 def limits(values: np.ndarray, feature: int) -> tuple[float, float]:
@@ -258,7 +258,7 @@ def normals_and_fusion(shown: Shown, path: Path) -> float:
     axes[4].set_title("fused", fontsize=9)
     for axis in axes:
         _bare(axis)
-    _save(figure, path)
+    save(figure, path)
     return median
 
 
@@ -284,7 +284,7 @@ def _bare(axis: Any) -> None:
     axis.set_yticks([])
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     beside = written_beside(path)
     figure.savefig(beside)
     os.replace(beside, path)
