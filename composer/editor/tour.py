@@ -70,6 +70,17 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     assert len(workspace.scene.cameras) == 0, "undo takes the camera away"
     robot.key("ctrl+y")
     assert len(workspace.scene.cameras) == 1, "redo brings it back"
+    for count in (2, 3):
+        robot.menu("Add", "Camera")
+        robot.wait("Another camera", lambda count=count: len(workspace.scene.cameras) == count)
+    robot.menu("View", "Camera 3")
+    third = robot.app.views[2]
+    robot.wait("A third view", lambda: third.full and third.camera == workspace.scene.cameras[2].name)
+    robot.menu("View", "Camera 3")
+    for _ in range(2):
+        robot.key("ctrl+z")
+    assert len(workspace.scene.cameras) == 1
+    robot.click(f"tree {body}")
 
     aluminium = workspace.scene.bodies[0].material
     robot.click("library find")

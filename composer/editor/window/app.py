@@ -26,6 +26,8 @@ from realtime.renderers.rasterizer import Rasterizer
 
 AUTOSAVE_SECONDS = 20.0
 SIZE = (1600, 960)
+VIEWS = 4  # of cameras; those after the second are opened by the menu View
+MORE = [f"Camera {n + 1}" for n in range(2, VIEWS)]
 EACH_FRAME: list[Callable[["App"], None]] = []  # for measurements
 
 
@@ -39,7 +41,7 @@ class App:
         self.tree = Tree(self.state)
         self.properties = Properties(self.state)
         self.library = Library(self.state)
-        self.views = [CameraView(self.state, 0), CameraView(self.state, 1)]
+        self.views = [CameraView(self.state, number) for number in range(VIEWS)]
         self.timeline = Timeline(self.state)
         self.console = Console(self.state)
         self.shortcuts = keys.shortcuts(self.state, self.viewport, self.tree)
@@ -121,11 +123,16 @@ class App:
             ("Console", "DownRight", self.console.gui),
             ("Time", "DownRight", self.timeline.gui),
             ("Properties", "Right", self.properties.gui),
+            *(
+                (f"Camera {n + 1}", "DownRight" if n % 2 else "Down", self.views[n].gui)
+                for n in range(2, VIEWS)
+            ),
         ]
         found = []
         for label, place, gui in windows:
             each = hello_imgui.DockableWindow(label, place, gui)
-            each.can_be_closed = False
+            each.can_be_closed = label in MORE
+            each.is_visible = label not in MORE
             if label == "Overview":
                 flags = imgui.WindowFlags_
                 each.imgui_window_flags = flags.no_scrollbar | flags.no_scroll_with_mouse | flags.no_move
@@ -282,6 +289,11 @@ class App:
             state.show_grid = not state.show_grid
         if self._item("Field of view of the selected camera", "", True, state.show_field):
             state.show_field = not state.show_field
+        imgui.separator()
+        for label in MORE:
+            window = hello_imgui.get_runner_params().docking_params.dockable_window_of_name(label)
+            if window is not None and self._item(label, "", True, window.is_visible):
+                window.is_visible = not window.is_visible
 
     def _help(self) -> None:
         if imgui.begin_table("##keys", 2, imgui.TableFlags_.sizing_fixed_fit):
