@@ -85,8 +85,13 @@ def read_camera(
         return None
     pose, scale = rigid(world_from_prim)
     if not np.allclose(scale, scale.mean(), rtol=1e-4):
-        find.error("A camera's transform must not stretch one axis more than another.", prim, "xformOpOrder")
-        return None
+        if not between_matrices(prim, time):
+            find.error(
+                "A camera's transform must not stretch one axis more than another.", prim, "xformOpOrder"
+            )
+            return None
+        u, _, vt = np.linalg.svd(world_from_prim[:3, :3])
+        pose[:3, :3] = u @ vt  # of two turns about one axis: the one half-way, exactly
     centred = np.allclose(offset, 0.0, atol=1e-9)
     camera = Camera(
         name=str(prim.GetPath()),
@@ -105,6 +110,19 @@ def read_camera(
         find.error(str(error), prim)
         return None
     return camera
+
+
+def between_matrices(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
+    """Whether the prim, or what it hangs from, is between two time samples of a matrix: USD blends their numbers, which
+    squeezes what turns."""
+    while prim and not prim.IsPseudoRoot():
+        for op in UsdGeom.Xformable(prim).GetOrderedXformOps() if prim.IsA(UsdGeom.Xformable) else ():
+            if op.GetOpType() == UsdGeom.XformOp.TypeTransform and op.GetNumTimeSamples() > 1:
+                low, high = op.GetAttr().GetBracketingTimeSamples(time.GetValue())
+                if low < time.GetValue() < high:
+                    return True
+        prim = prim.GetParent()
+    return False
 
 
 def is_camera(prim: Any) -> bool:
