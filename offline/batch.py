@@ -9,6 +9,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol, Self, TypeVar
 
@@ -145,7 +146,7 @@ def _results(
             )  # fmt: skip
             jobs = [job.with_threads(threads) for job in jobs]
         try:
-            with Client(cluster or scheduler, timeout=5) as client:
+            with Client(cluster or scheduler, timeout=60 if cluster else 5) as client:
                 waiting = deque(jobs[k : k + together] for k in range(0, len(jobs), together))
                 handed: dict[Any, Sequence[J]] = {}
 
@@ -179,7 +180,8 @@ def _results(
             raise BrightfieldError(f"No Dask scheduler answers at {scheduler}: {error}") from None
         finally:
             if cluster is not None:
-                cluster.close()
+                with suppress(TimeoutError):  # workers are killed by then; a busy machine is late to tell
+                    cluster.close()
 
 
 def frame_jobs(

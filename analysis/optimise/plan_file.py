@@ -27,6 +27,7 @@ from analysis.optimise.measures import MODELS, Measure
 from analysis.optimise.plan import METHODS, Limits, Plan
 from analysis.sweep.address import groups_of, is_named, knob
 from analysis.sweep.axis_file import read_axis
+from analysis.sweep.choices import is_choice
 from analysis.sweep.constraint_file import read_constraints
 from analysis.sweep.defect_file import declared_of, read_defects
 from analysis.sweep.findings import Findings
@@ -97,6 +98,8 @@ def read(path: Path | str) -> Plan:
         try:
             if str(address).startswith(PREFIX):
                 take(str(address), spec, declared_of(str(address), defects), "", key)
+            elif is_choice(scene, str(address)):
+                wrong(key, "It is chosen by name, which sweeps do; a set-up is searched over numbers.")
             else:
                 found = knob(scene, str(address))
                 take(str(address), spec, found.about, found.unit, key)

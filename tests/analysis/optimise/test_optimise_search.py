@@ -175,6 +175,7 @@ def test_a_plan_tells_all_that_is_wrong(tmp_path: Path) -> None:
     Document(author_scene(SCENE), tmp_path / "s.usda").save(tmp_path / "s.usda")
     (tmp_path / "plan.yaml").write_text(
         "scene: s.usda\npart: [Prt]\nparameters:\n  Camera.pose.tx: {range: [-1, 1]}\n  Camera.lens.f_stp: 4\n"
+        "  Part.material: [m]\n"
         "objectives: {defect_visibility: {}, scal: {}}\nlimits: {clearance: 5, clear: [Lmp]}\n"
         "search: {method: grid}\naim: {Camera: Part}\n"
     )
@@ -184,6 +185,7 @@ def test_a_plan_tells_all_that_is_wrong(tmp_path: Path) -> None:
     for words in (
         'Did you mean "Part"', "must say its unit", 'Did you mean "lens.f_stop"', "needs defects in the plan",
         'Did you mean "scale"', 'Did you mean "Lamp"', "The clearance must say its unit", "tpe or nsga2",
+        "a set-up is searched over numbers",
     ):  # fmt: skip
         assert words in told, words
     (tmp_path / "plan.yaml").write_text(
