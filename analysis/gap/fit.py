@@ -72,25 +72,16 @@ def fit(
     if first.best.causes:
         gain = first.best.score - none.score
         moves = search.moves(first) if gain > WORTH and search.may_move(first.best) else []
-        starts = [*moves, *(h for h in _starts(first.hypotheses) if h not in moves)]
+        starts = [*moves, *search.starts(first)]
         for k, start in enumerate(starts[: STARTS - len(moves) // 2 if gain > WORTH else 1]):
-            if any(set(start.causes) == set(s.best.causes) for s in stands[1:]):
+            causes = start.hypothesis.causes
+            if any(set(causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
             stands.append(search.followed(first, start, f"fit {k + 1}"))
-            if start in moves and stands[-1].best.causes == start.causes:
+            if start in moves and stands[-1].best.causes == causes:
                 break  # what moved is all: the other starts are of a registration that hides it
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
     return _fit(search.terms, chosen, knots)
-
-
-def _starts(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best has."""
-    found = [hypotheses[0]]
-    for size in (2, 1):
-        found += [h for h in hypotheses if len(h.causes) == size and h not in found][:1]
-    taken = set(hypotheses[0].causes)
-    found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
-    return found
 
 
 def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:

@@ -12,7 +12,8 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import moved_objects, outlines
-from analysis.gap.knots import Knots
+from analysis.gap.knots import Changes, Knots
+from analysis.gap.radiance import means
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.brdf.lafortune import Lafortune
@@ -24,6 +25,7 @@ from interchange.effects.parts import SEVERAL, bounds, has, members
 from interchange.light import LightKind
 from interchange.material import Material
 from interchange.parameter import ParameterError, parameters
+from interchange.problems import BrightfieldError
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
@@ -37,17 +39,22 @@ OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
-FAR = 4.0  # steps: where a column told at home says little of what more does
+LARGEST_SHARE = 0.25  # of a size or a gloss: no step is longer on a coarse grid either
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
+
+Sizes = dict[
+    tuple[str, str], dict[str, float]
+]  # of an effect and what it is about: the step of each parameter
 
 
 def knot_terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots) -> list[Term]:
     """Rendered as their fields are asked for, once for each arrangement that the conditions show."""
+    sizes: Sizes = {}
     return [
         _standing_off(tolerances, knots),
-        *_lamps(conditions, tolerances, knots),
-        *_materials(conditions, tolerances, knots),
-        *_objects(conditions, tolerances, knots),
+        *_lamps(conditions, tolerances, knots, sizes),
+        *_materials(conditions, tolerances, knots, sizes),
+        *_objects(conditions, tolerances, knots, sizes),
     ]
 
 
@@ -65,13 +72,15 @@ def _standing_off(t: Tolerances, knots: Knots) -> Term:
     return Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)
 
 
-def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
+def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: Sizes) -> list[Term]:
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights if x.kind is not LightKind.DOME}
     near = [n for n, x in lights.items() if x.kind is not LightKind.DISTANT]
     terms: list[Term] = []
     for name in near:
         for axis in "xyz":
-            field = rendered(knots, "light_position", name, axis, MOVED, lamp=name, together=True)
+            field = rendered(
+                knots, "light_position", name, axis, MOVED, lamp=name, together=True, sizes=sizes
+            )
             terms.append(Term("light_position", name, axis, "mm", t.light_position_mm, field,
                               kind="scene", step=MOVED))  # fmt: skip
     if near:
@@ -79,24 +88,26 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list
         away = [np.linalg.norm(lights[n].world_from_light[:3, 3] - middle) for n in near]
         step = float(f"{1e3 * SIZE * np.median(away):.2g}")  # mm
         for name in ["", *near] if len(near) > 1 else near:
-            field = rendered(knots, "light_size", name, "spread", step, lamp=name, together=True)
+            field = rendered(knots, "light_size", name, "spread", step, lamp=name, together=True, sizes=sizes)
             terms.append(Term("light_size", name, "spread", "mm", t.flat_field / 2, field,
                               relative=True, low=0.0, kind="scene", step=step))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
     for name in ["", *shading] if len(shading) > 1 else shading:
-        field = rendered(knots, "shadow", name, "share", 1.0, lamp=name, together=True)
+        field = rendered(knots, "shadow", name, "share", 1.0, lamp=name, together=True, sizes=sizes)
         terms.append(Term("shadow", name, "share", "1", t.flat_field / 2, field, relative=True, low=0.0))
     return terms
 
 
-def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
+def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: Sizes) -> list[Term]:
     materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
     seen = _counts(conditions, "material_id")
     terms: list[Term] = []
     shiny = [n for n, m in materials.items() if has_lobes(m.brdf)]
 
     def term(cause: str, name: str, parameter: str, step: float, spike: float, together: bool) -> Term:
-        field = rendered(knots, cause, name, parameter, step, together=together, material=name, among=shiny)
+        field = rendered(
+            knots, cause, name, parameter, step, together=together, material=name, among=shiny, sizes=sizes
+        )
         start = float(getattr(MODELS[cause](), parameter))
         return Term(cause, name, parameter, "1", spike, field, start=start, kind="scene", step=abs(step))
 
@@ -125,7 +136,7 @@ def _step(material: Material, parameter: str) -> float:
     return STEP
 
 
-def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> list[Term]:
+def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: Sizes) -> list[Term]:
     terms: list[Term] = []
 
     def term(
@@ -135,7 +146,7 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots) -> li
         rose or grew: steps go downwards and inwards."""
         step = float(f"{OUTLINE * mm_a_px / moves:.2g}")
         inwards = parameter in ("z", "scale", "height")
-        field = rendered(knots, cause, name, parameter, -step if inwards else step)
+        field = rendered(knots, cause, name, parameter, -step if inwards else step, sizes=sizes)
         start = float(getattr(MODELS[cause](), parameter))
         linear = step * LINEAR / OUTLINE
         return Term(cause, name, parameter, unit, spike, field, start=start, kind="scene", step=linear)
@@ -233,16 +244,19 @@ def rendered(
     lamp: str = "",
     material: str = "",
     among: Sequence[str] = (),
+    sizes: Sizes,
 ) -> Field:
     """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
     scene stands ``FAR`` steps away, from there.
 
     ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamp``'s
     or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
-    of this one.
+    of this one. ``sizes``: the steps of all parameters, which this one's is added to.
     """
     start = float(getattr(MODELS[cause](), parameter))
+    unit = parameters(MODELS[cause])[parameter].unit
     once = ((MODELS[cause](**{parameter: start + step}), "" if together else target),)
+    sizes.setdefault((cause, target), {})[parameter] = abs(step)
 
     def field(s: State) -> np.ndarray | None:
         weights = s.shown.weights(s.condition.scene)
@@ -251,14 +265,20 @@ def rendered(
         if not any(w.any() for w in weights.values()) or not has(s.shown.scene, target):
             return None
         size = s.camera.sensor.resolution
-        here = [i for i, (effect, t) in enumerate(s.scene) if effect.name() == cause and t == target]
-        if here and _away(s.scene[here[0]][0], parameter) > FAR * abs(step):
-            own = s.scene[here[0]][0]
-            more = replace(own, **{parameter: getattr(own, parameter) + step})  # type: ignore[type-var]
-            there = (*s.scene[: here[0]], (more, target), *s.scene[here[0] + 1 :])
-            radiance = knots.change(s.shown, there).radiance(weights, size)
-            return _dn(s, radiance - knots.change(s.shown, s.scene).radiance(weights, size), step)
-        out = _dn(s, knots.change(s.shown, once).radiance(weights, size), step)
+        here = _about(s, cause, target, sizes)
+        if here:
+            further = step * s.shown.coarse
+            if unit == "1":
+                further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
+            try:
+                more = _more(here, cause, target, parameter, further)
+                there = knots.change(s.shown, more).radiance(weights, size)
+                return _dn(s, there - knots.change(s.shown, here).radiance(weights, size), further)
+            except BrightfieldError:  # at the end of what it may be: what it does at home has to do
+                pass
+        drawn = s.shown.origin or s.shown
+        radiance = knots.change(drawn, once).radiance(weights, drawn.camera.sensor.resolution)
+        out = _dn(s, means(radiance, s.shown.coarse), step)
         if material:
             names = s.shown.scene.material_names
             others = [names.index(n) for n in among if n != material and n in names]
@@ -268,11 +288,38 @@ def rendered(
     return field
 
 
-def _away(effect: Effect, parameter: str) -> float:
-    """How far it is from not being there, by all parameters of this one's unit."""
-    about, none = parameters(type(effect)), type(effect)()
-    alike = [n for n, p in about.items() if p.unit == about[parameter].unit]
-    return max(abs(getattr(effect, n) - getattr(none, n)) for n in alike)
+def _about(s: State, cause: str, target: str, sizes: Sizes) -> Changes:
+    """What is in force of the same object, lamp or material; to whole steps on the sensor's own grid, so that places
+    near each other share their renderings."""
+    names = s.shown.scene.object_names
+    own = set(members(names, target)) if target else set()
+    found = []
+    for effect, t in s.scene:
+        of_all = not t and effect.name() == cause
+        if t == target or of_all or own & set(members(names, t)):
+            near = effect if s.shown.coarse > 1 else _rounded(effect, sizes.get((effect.name(), t), {}))
+            if near.is_there:
+                found.append((near, target if of_all else t))
+    return tuple(found)
+
+
+def _rounded(effect: Effect, steps: dict[str, float]) -> Effect:
+    none = type(effect)()
+    values = {}
+    for name, step in steps.items():
+        start = getattr(none, name)
+        values[name] = start + step * round((getattr(effect, name) - start) / step)
+    return replace(effect, **values)  # type: ignore[type-var]
+
+
+def _more(here: Changes, cause: str, target: str, parameter: str, step: float) -> Changes:
+    """``here`` with ``step`` more of one parameter. Raises ParameterError where that is more than it may be."""
+    own = next((e for e, t in here if e.name() == cause and t == target), None)
+    before = own or MODELS[cause]()
+    more = replace(before, **{parameter: getattr(before, parameter) + step})  # type: ignore[type-var]
+    if own is None:
+        return (*here, (more, target))
+    return tuple((more if e is own else e, t) for e, t in here)
 
 
 def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:

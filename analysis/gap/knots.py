@@ -78,26 +78,26 @@ class Knots:
         self.rendered = 0  # images drawn so far
         self._rasterizer: Rasterizer | None = None
         self._scenes: dict[int, Scene] = {}  # which live as long as their ids are used
-        self._changes: dict[tuple[int, Changes, float], Change] = {}
+        self._changes: dict[tuple[int, tuple[int, int], Changes, float], Change] = {}
         self._base: dict[tuple[int, int, str], dict[str, np.ndarray]] = {}
 
     def change(self, shown: Rendered, effects: Changes) -> Change:
         """What ``effects``, one after the other, add to what was ``shown``. Raises BrightfieldError, ParameterError."""
-        return self._kept(shown, effects, 0.0, max((_spots(effect) for effect, _ in effects), default=SPOTS))
+        return self._kept(shown, effects, 0.0)
 
     def standing_off(self, shown: Rendered, offset: float) -> Change:
         """What it adds that shadows are cast on points ``offset`` m above the surfaces."""
-        return self._kept(shown, (), offset, MANY)
+        return self._kept(shown, (), offset)
 
-    def _kept(self, shown: Rendered, effects: Changes, offset: float, spots: int) -> Change:
-        key = (id(shown.scene), effects, offset)
+    def _kept(self, shown: Rendered, effects: Changes, offset: float) -> Change:
+        key = (id(shown.scene), shown.camera.sensor.resolution, effects, offset)
         if key not in self._changes:
             self._scenes[id(shown.scene)] = shown.scene
             after = shown.scene
             for effect, target in effects:
                 if has(after, target):  # what is never on, or not there yet, changes nothing
                     after = effect.on_scene(after, target)
-            self._changes[key] = self._between(shown, after, effects, spots, offset)
+            self._changes[key] = self._between(shown, after, effects, offset)
         return self._changes[key]
 
     def close(self) -> None:
@@ -112,23 +112,24 @@ class Knots:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _between(self, shown: Rendered, after: Scene, effects: Changes, spots: int, offset: float) -> Change:
+    def _between(self, shown: Rendered, after: Scene, effects: Changes, offset: float) -> Change:
         camera = _small(shown.camera)
         width, height = camera.sensor.resolution
+        spots = MANY if offset else max((_spots(effect) for effect, _ in effects), default=SPOTS)
         spots = round(spots * float(np.clip(LARGEST / (width * height), 1, 2)))
-        before = shown.scene
-        scene = replace(after, cameras=())
-        both = (before.bodies, before.lights, scene.bodies, scene.lights)
+        before, after = _lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
+        both = (before.bodies, before.lights, after.bodies, after.lights)
         name = fingerprint((*both, camera, spots, *([offset] if offset else [])))
         file = self.cache / f"{name[:32]}.knot.npz"
         if file.is_file():
             return _read(file)
         part = _part(before, after, effects, camera)
         eye = cropped(camera, *part) if part else camera
-        base = (id(before), spots, str(part))
+        lamps = " ".join(x.name for x in before.lights)
+        base = (id(shown.scene), spots, f"{part} {camera.sensor.resolution} {lamps}")
         if base not in self._base:
             self._base[base] = self._lamps(before, eye, spots)
-        change = _difference(self._lamps(scene, eye, spots, offset), self._base[base])
+        change = _difference(self._lamps(after, eye, spots, offset), self._base[base])
         if part:
             change = change.placed(part[0].start, part[1].start)
         change = replace(change, size=(width, height))
@@ -147,6 +148,18 @@ class Knots:
                 lamp = name.removeprefix("light:").removesuffix(TWIN)
                 found[lamp] = found[lamp] + plane if lamp in found else plane
         return found
+
+
+def _lit_by(effects: Changes, before: Scene, after: Scene) -> tuple[Scene, Scene]:
+    """Both with the lamps alone that change, where effects are about single lamps: light of all others is the same."""
+    if not effects or not all(t and isinstance(e, LightPosition | LightSize) for e, t in effects):
+        return before, after
+    names = {t for _, t in effects}
+
+    def lit(scene: Scene) -> Scene:
+        return replace(scene, lights=tuple(x for x in scene.lights if x.name in names))
+
+    return lit(before), lit(after)
 
 
 def _small(camera: Camera) -> Camera:

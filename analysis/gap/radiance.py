@@ -38,7 +38,8 @@ class Rendered:
 
     ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: of each lamp, share of light that met another
     surface first, (H, W, 3); none where the renderer draws none. ``fine``: the lamps (n H, n W, 3) float16 over
-    ``scale``, on a grid n times finer; none where that would be too much.
+    ``scale``, on a grid n times finer; none where that would be too much. ``coarse``: how many of the sensor's pixels
+    along a side are one here, which ``origin`` has apart.
     """
 
     scene: Scene
@@ -52,6 +53,8 @@ class Rendered:
     samples: int = 64  # a pixel
     fine: dict[str, np.ndarray] = field(default_factory=dict)
     scale: float = 1.0
+    coarse: int = 1
+    origin: "Rendered | None" = None
 
     def weights(self, scene: Scene) -> dict[str, np.ndarray]:
         """(3,) a lamp: its intensity in ``scene`` over the one that was rendered."""
@@ -183,7 +186,7 @@ def _arrays(scene: Scene, camera: Camera, render: Render, indirect: bool) -> dic
     middle = slice(finer // 2, None, finer)
     out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
     lamps = {n: p for n, p in found.items() if n.startswith("light:")}
-    rest = _means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
+    rest = means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
     rest[rest < 1e-5 * max(float(image.pixels.max()), 1e-30)] = 0  # rounding, where nothing shines by itself
     dome = Light(AMBIENT, LightKind.DOME, (1.0, 1.0, 1.0))
     ambient = render(replace(scene, lights=(dome,)), camera, [], False, 1).pixels - rest
@@ -196,17 +199,19 @@ def _arrays(scene: Scene, camera: Camera, render: Render, indirect: bool) -> dic
     for name, whole in lamps.items():
         key = name.replace("light:", "indirect:")
         if indirect:
-            bounced, all_of_it = _means(found[key], finer), _means(whole, finer)
+            bounced, all_of_it = means(found[key], finer), means(whole, finer)
             out[key] = np.divide(bounced, all_of_it, out=np.zeros_like(bounced), where=all_of_it > 0)
     return {**out, "rest": rest, AMBIENT: ambient}
 
 
-def _means(plane: np.ndarray, n: int) -> np.ndarray:
-    """(H, W, 3) float32 of (n H, n W, 3)."""
+def means(plane: np.ndarray, n: int) -> np.ndarray:
+    """(h // n, w // n, C) float32 over n x n of (h, w, C); what is left over at the end is left out."""
     h, w = plane.shape[0] // n, plane.shape[1] // n
-    return np.asarray(cv2.resize(plane.astype(np.float32, copy=False), (w, h), interpolation=cv2.INTER_AREA))
+    part = np.ascontiguousarray(plane[: h * n, : w * n], np.float32)
+    mean = cv2.resize(part, (w, h), interpolation=cv2.INTER_AREA)
+    return np.asarray(mean.reshape(h, w, plane.shape[2]))
 
 
 def pixels(fine: np.ndarray, scale: float, camera: Camera) -> np.ndarray:
     """(H, W, 3) float32: what the sensor's pixels see of a lamp's light on the finer grid."""
-    return _means(fine, fine.shape[1] // camera.sensor.resolution[0]) * np.float32(scale)
+    return means(fine, fine.shape[1] // camera.sensor.resolution[0]) * np.float32(scale)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.gap.approach import approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis
 from analysis.gap.form_terms import Change, doubt, form_terms
@@ -23,9 +24,19 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
-MOVING = ("camera_pose", "principal_point", "lens_distortion", "object_pose", "geometry", "light_position")
+MOVING = (
+    "camera_pose",
+    "principal_point",
+    "lens_distortion",
+    "object_pose",
+    "geometry",
+    "light_position",
+    "light_size",
+)
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
+RIVAL = 0.5  # of what the nearest explains: what explains less is no start
+PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
@@ -46,6 +57,14 @@ class Stand:
     @property
     def best(self) -> Hypothesis:
         return self.hypotheses[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A hypothesis and where (q,) it is followed from."""
+
+    hypothesis: Hypothesis
+    at: np.ndarray
 
 
 class Search:
@@ -90,33 +109,47 @@ class Search:
         """Whether it has what changes edges, or what has no name: things that stand elsewhere look like that."""
         return any(t.generic or t.kind in ("flow", "scene") for t in self.terms if t.candidate in best.causes)
 
-    def moves(self, first: Stand) -> list[Hypothesis]:
-        """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures within
-        a step from the scene as written. Registration without its cause hides each of them behind all the others."""
-        found = []
-        for cause, index in first.evidence.members.items():
-            if cause[0] in MOVING:
-                alone = first.evidence.best((cause,), {})
-                theta = first.evidence.theta(alone)
-                _, _, score = self.refined((cause,), {cause: index}, theta, first.kept, True, 2)
-                found.append((score, alone))
-            self.told("what moves", len(found) / len(first.evidence.members))
-        return [h for _, h in sorted(found, key=lambda x: -x[0])[:MOVES]]
+    def moves(self, first: Stand) -> list[Start]:
+        """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures.
+        Registration without its cause hides each of them behind all the others."""
+        causes = {c: index for c, index in first.evidence.members.items() if c[0] in MOVING}
+        found = approaches(self, causes)[:MOVES]
+        nearest = [a for a in found if a.gain > RIVAL * found[0].gain]
+        return [Start(first.evidence.best((a.cause,), {}), a.at) for a in nearest]
 
-    def followed(self, first: Stand, start: Hypothesis, what: str) -> Stand:
+    def starts(self, first: Stand) -> list[Start]:
+        """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best
+        has."""
+        hypotheses = first.hypotheses
+        found = [hypotheses[0]]
+        for size in (2, 1):
+            found += [h for h in hypotheses if len(h.causes) == size and h not in found][:1]
+        taken = set(hypotheses[0].causes)
+        found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
+        return [Start(h, self._beginning(h, first)) for h in found]
+
+    def _beginning(self, h: Hypothesis, first: Stand) -> np.ndarray:
+        """What moves is looked for from the scene as written, as registration without it has moved another thing."""
+        members = {c: first.evidence.members[c] for c in h.causes}
+        if any(self.terms[i].kind in ("flow", "scene") for index in members.values() for i in index):
+            return np.zeros(self.q)
+        return self.start(members, first.evidence.theta(h))
+
+    def followed(self, first: Stand, start: Start, what: str) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
-        stand, best = first, start
+        stand, best, at = first, start.hypothesis, start.at
         theta = stand.evidence.theta(best)
         kept = dict(first.kept)
         for _ in range(ROUNDS):
             members = {c: stand.evidence.members[c] for c in best.causes}
-            theta, at, _ = self.refined(best.causes, members, theta, kept, stand is first)
+            theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before, theta_before = best, theta
             stand = self.stand(at, changes, what, kept)
             kept = stand.kept
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]
+            at = self.start({c: stand.evidence.members[c] for c in best.causes}, theta)
             settled = not self._moved(members, theta, theta_before, stand.evidence.spike)
             if best.causes == before.causes and settled:
                 break
@@ -127,20 +160,14 @@ class Search:
         causes: tuple[Cause, ...],
         members: dict[Cause, np.ndarray],
         theta: np.ndarray,
+        at: np.ndarray,
         kept: dict[str, Sensitivities],
-        anew: bool,
-        rounds: int = REFINEMENTS,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """``theta`` and ``at`` of a hypothesis alone, followed to where it stands (Gauss, Newton), and its score there.
-        ``anew``: registered with it; what moves is looked for from the scene as written, as registration without it has
-        moved another thing.
-        """
-        at = self.start(members, theta)
+        """``theta`` and ``at`` of a hypothesis alone, followed from ``at`` to where it stands (Gauss, Newton), and its
+        score there."""
         bent = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
         if not bent:
             return theta, at, -np.inf
-        if anew and any(self.terms[i].kind in ("flow", "scene") for i in bent):
-            at = np.zeros(self.q)
         own = np.array(
             [i for i, t in enumerate(self.terms) if t.candidate in members or i in self.registering]
         )
@@ -150,7 +177,7 @@ class Search:
         near = {name: s.of(own) for name, s in kept.items()}
         best, step, aim = -np.inf, 1.0, at
         here, spike = at, np.zeros(self.q)
-        for _ in range(rounds):
+        for _ in range(REFINEMENTS):
             model = self.model(at, at)
             parts = []
             for c in self.conditions:
@@ -198,18 +225,29 @@ class Search:
         for _, scene in sorted(rendered, key=lambda x: -x[0])[:MOST_RENDERED]:
             there = at.copy()
             for i in scene:
-                there[i] = float(f"{max(theta[i], self.terms[i].low):.2g}")
+                fine = self.terms[i].step / PLACES
+                there[i] = max(fine * round(theta[i] / fine), self.terms[i].low)
             if self._can_stand(there):
                 at = there
         return at
 
+    def within(self, at: np.ndarray, index: np.ndarray) -> np.ndarray:
+        """``at`` with the terms ``index`` at what they may be at least."""
+        there = at.copy()
+        there[index] = np.maximum(at[index], [self.terms[i].low for i in index])
+        return there
+
+    def can_stand(self, at: np.ndarray) -> None:
+        """Raises BrightfieldError where the scene cannot be so."""
+        scene = self.model(at, at).scene
+        for shown in {id(c.shown): c.shown for c in self.conditions}.values():
+            for effect, target in scene:
+                if has(shown.scene, target):
+                    effect.on_scene(shown.scene, target)
+
     def _can_stand(self, at: np.ndarray) -> bool:
         try:
-            scene = self.model(at, at).scene
-            for shown in {id(c.shown): c.shown for c in self.conditions}.values():
-                for effect, target in scene:
-                    if has(shown.scene, target):
-                        effect.on_scene(shown.scene, target)
+            self.can_stand(at)
         except BrightfieldError:
             return False
         return True

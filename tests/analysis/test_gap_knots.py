@@ -1,7 +1,5 @@
 """Terms that must be rendered, against renderings of the changed scene; bench of 128 x 96 px."""
 
-import json
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,16 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.gap.conditions import Condition, conditions
+from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, SPOTS, Knots
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
-from analysis.gap.radiance import render_all
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term
-from interchange.camera import Camera
 from interchange.captures import Tolerances
 from interchange.effects import MODELS
 from interchange.effects.anisotropy import Anisotropy
@@ -33,52 +29,22 @@ from interchange.effects.parts import bounds
 from interchange.effects.shadow import Shadow
 from interchange.effects.texture import Texture
 from interchange.effects.translucency import Translucency
-from interchange.formats import captures as captures_file
-from interchange.formats import images
-from interchange.formats.document import open_scene
 from interchange.image import Image
 from interchange.parameter import parameters
-from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
 
-BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
-WIDTH, HEIGHT = 128, 96
-SHOTS = ((0, "Camera0"), (6, "Camera0"), (16, "Camera1"))
+SHOTS = {0: "Camera0", 6: "Camera0", 16: "Camera1"}
 METAL, BRACKET, LED = "/World/Materials/metal", "/World/bracket", "/World/LED0"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("knots")
-    (folder / "scene.usda").write_text(BENCH.read_text().replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
-    for time, _ in SHOTS:
-        images.write(folder / f"{time}.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
-    entries = [
-        {"image": f"{time}.png", "camera": f"/World/{camera}", "time": time, "exposure": 1.0}
-        for time, camera in SHOTS
-    ]
-    (folder / "captures.json").write_text(json.dumps({"scene": "scene.usda", "captures": entries}))
-    return folder
+    return tmp_path_factory.mktemp("knots")
 
 
 @pytest.fixture(scope="module")
-def rasterizer() -> Iterator[Rasterizer]:
-    with Rasterizer() as rasterizer:
-        yield rasterizer
-
-
-@pytest.fixture(scope="module")
-def found(folder: Path, rasterizer: Rasterizer) -> list[Condition]:
-    """Two lamps of the bench's six."""
-
-    def render(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int) -> Image:
-        return rasterizer.render(scene, camera, passes, per_light, max(SPOTS // parts, 1))
-
-    bare = conditions(captures_file.read(folder / "captures.json"), open_scene(folder / "scene.usda"))
-    bare = [replace(c, scene=replace(c.scene, lights=c.scene.lights[0:3:2])) for c in bare]
-    views = [(c.scene, c.camera) for c in bare]
-    shown = render_all(views, render, {"renderer": "rasterizer", "samples": SPOTS}, folder / "cache")
-    return [replace(c, rendered=r) for c, r in zip(bare, shown, strict=True)]
+def found(folder: Path, small_bench) -> list[Condition]:
+    return small_bench(folder, SHOTS, SPOTS)
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +77,8 @@ CASES = [
     (("anisotropy", METAL, "split"), Anisotropy(split=0.01), 0.01, 0.05),
     (("geometry", BRACKET, "scale"), Geometry(0.98), -0.02, 0.5),
     (("geometry", BRACKET, "height"), Geometry(height=0.98), -0.02, 0.5),
+    (("geometry", BRACKET, "scale"), Geometry(1.02), 0.02, 0.7),
+    (("geometry", BRACKET, "height"), Geometry(height=1.02), 0.02, 0.5),
     (("object_pose", BRACKET, "x"), ObjectPose(x=1.0), 1.0, 0.5),
     (("object_pose", BRACKET, "rz"), ObjectPose(rz=10.0), 10.0, 0.5),
     (("shadow", "", "share"), Shadow(0.3), 0.3, 0.01),
@@ -122,14 +90,16 @@ CASES = [
 def test_a_term_predicts_a_new_rendering(key, effect, theta, miss, found, terms, rasterizer) -> None:
     """In amount within 12 %, and pixel by pixel within ``miss`` of the change's rms. Steps differ: of a gloss half of
     their difference is left; penumbrae and outlines move by parts of a pixel, which few spots tell: the new rendering
-    has 128 of them."""
+    has 128 of them. What grows is told by a step inwards, other pixels' edges: within 20 %, a fifth of the error left
+    by each step of Gauss and Newton (test_gap_scene_stands has where they end)."""
     state = State(found[1])
     edges = key[0] in ("geometry", "object_pose", "light_size")
     real = _real(found[1], rasterizer, effect, key[1], 8 * MANY if edges else 2 * SPOTS)
     said = theta * np.asarray(terms[key].field(state))
+    grows = key[0] == "geometry" and theta > 0
     assert np.abs(real).max() > 1
     assert np.sqrt(np.mean((said - real) ** 2)) < miss * np.sqrt(np.mean(real**2))
-    assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.12)
+    assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.2 if grows else 0.12)
 
 
 def test_a_lamp_that_is_off_shows_nothing(
@@ -225,7 +195,7 @@ def test_an_object_turns_pixels_as_projection_does(found: list[Condition]) -> No
 def test_rows_that_are_late_lean(found: list[Condition]) -> None:
     lean = next(t for t in geometry_terms(found, Tolerances()) if t.key == ("rolling_shutter", "", "u"))
     du, dv = lean.flow(State(found[1]))
-    assert du[:, 5] == pytest.approx(np.arange(HEIGHT))
+    assert du[:, 5] == pytest.approx(np.arange(du.shape[0]))
     assert not dv.any()
     late = [
         replace(c, camera=replace(c.camera, sensor=replace(c.camera.sensor, line_time=1e-5))) for c in found

@@ -1,0 +1,54 @@
+"""The bench of assets/bench_sample in little, for the tests of the diagnosis: 128 x 96 px, two of its six lamps."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.gap.conditions import Condition, conditions
+from analysis.gap.radiance import render_all
+from interchange.camera import Camera
+from interchange.formats import captures as captures_file
+from interchange.formats import images
+from interchange.formats.document import open_scene
+from interchange.image import Image
+from interchange.scene import Scene
+from realtime.renderers.rasterizer import Rasterizer
+
+BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
+WIDTH, HEIGHT = 128, 96
+Bench = Callable[[Path, dict[int, str], int], list[Condition]]
+
+
+@pytest.fixture(scope="session")
+def rasterizer() -> Iterator[Rasterizer]:
+    with Rasterizer() as rasterizer:
+        yield rasterizer
+
+
+@pytest.fixture(scope="session")
+def small_bench(rasterizer: Rasterizer) -> Bench:
+    """(folder, {time: camera}, spots of a pixel) to its conditions, rendered; ``folder/cache`` keeps what was."""
+
+    def made(folder: Path, shots: dict[int, str], spots: int) -> list[Condition]:
+        def render(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int) -> Image:
+            return rasterizer.render(scene, camera, passes, per_light, max(spots // parts, 1))
+
+        (folder / "scene.usda").write_text(BENCH.read_text().replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
+        for time in shots:
+            images.write(folder / f"{time}.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
+        entries = [
+            {"image": f"{time}.png", "camera": f"/World/{camera}", "time": time, "exposure": 1.0}
+            for time, camera in shots.items()
+        ]
+        (folder / "captures.json").write_text(json.dumps({"scene": "scene.usda", "captures": entries}))
+        bare = conditions(captures_file.read(folder / "captures.json"), open_scene(folder / "scene.usda"))
+        bare = [replace(c, scene=replace(c.scene, lights=c.scene.lights[0:3:2])) for c in bare]
+        views = [(c.scene, c.camera) for c in bare]
+        shown = render_all(views, render, {"renderer": "rasterizer", "samples": spots}, folder / "cache")
+        return [replace(c, rendered=r) for c, r in zip(bare, shown, strict=True)]
+
+    return made
