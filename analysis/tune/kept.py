@@ -15,7 +15,6 @@ from typing import Any
 
 from interchange.formats.atomic import written_beside
 
-
 VERSION = 1  # of what trials say: raised where a measure of the program comes to mean something else
 
 
