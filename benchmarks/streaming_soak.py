@@ -170,7 +170,8 @@ def main() -> None:
         print(
             f"{camera.position[0]} frames, {time.monotonic() - began:.0f} s, {time.process_time():.0f} CPU s, "
             f"{resident():.1f} MB, {threading.active_count()} threads, {len(publisher.subscriptions)} readers, "
-            f"longest wait {longest[0] * 1e3:.0f} ms, load {os.getloadavg()[0]:.1f}", flush=True,
+            f"longest wait {longest[0] * 1e3:.0f} ms, load {os.getloadavg()[0]:.1f}; "
+            f"compared {sum(read.values())}, lost {sum(lost.values())}, wrong or torn {len(wrong)}", flush=True,
         )  # fmt: skip
     publisher.done.wait()
     stopped.set()
