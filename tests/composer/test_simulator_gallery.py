@@ -1,11 +1,13 @@
 """The chapter's figures 4 to 6 are drawn from renders, and what stands in them holds."""
 
 import numpy as np
+import pytest
 
 from composer.gallery.simulator import make
 from interchange.formats import images
 
 
+@pytest.mark.timeout(900)  # both renderers start; a busy machine takes minutes
 def test_figures_of_the_simulator_are_drawn(tmp_path):
     """Small. The part's front lies behind the lid's edge: from the camera, 0.276 m above the table and 0.3 m before the
     part's middle, the front edge of the opening at 0.1 m and y = -0.11 m stands before all that is low and near."""
