@@ -214,6 +214,7 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
         fine={},
         coarse=n,
         origin=shown,
+        elsewhere=(),
     )
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from analysis.gap.expected import SATURATED, Expected, expected
-from analysis.gap.radiance import Rendered
+from analysis.gap.radiance import Changes, Rendered
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects import Effect
@@ -76,6 +76,18 @@ class Condition:
         hot = (simulation.dn.max(axis=2) >= limit) | (self.mean.max(axis=2) >= limit)
         wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
         return np.asarray(self.mask & ~wide)
+
+
+def with_renderings(
+    found: Sequence[Condition], there: dict[str, Rendered], standing: Changes
+) -> list[Condition]:
+    """Conditions with further renderings ``there`` {name: rendering} where effects ``standing`` are in force; those
+    that share a rendering share the further one."""
+    both: dict[int, Rendered] = {}
+    for c in found:
+        if id(c.shown) not in both:
+            both[id(c.shown)] = replace(c.shown, elsewhere=(replace(there[c.name], standing=standing),))
+    return [replace(c, rendered=both[id(c.shown)]) for c in found]
 
 
 def conditions(captures: Captures, document: Document) -> list[Condition]:

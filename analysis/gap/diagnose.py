@@ -13,13 +13,13 @@ from analysis.gap.advice import separating
 from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution, Cause, Told, attribution, waterfall
 from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
-from analysis.gap.conditions import Condition, conditions
+from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
 from analysis.gap.fit import Fit, fit, uncertainty
-from analysis.gap.knots import Knots
+from analysis.gap.knots import Knots, changed
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
@@ -27,7 +27,7 @@ from analysis.gap.noise import noise_findings, with_black_level
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
-from analysis.gap.radiance import Render, render_all
+from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
 from analysis.gap.verify import verified
 from interchange.captures import Captures
@@ -87,9 +87,19 @@ def diagnose(
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
     all_of_them = without_flat_tops(whole)  # which would be taken for a response curve
+
+    def redraw(some: Sequence[Condition], standing: Changes) -> list[Condition]:
+        """With renderings of all captures' arrangements, so that these are the same whichever are asked for."""
+        views = [(changed(c.scene, standing), c.camera) for c in all_of_them]
+        there = render_all(views, render, settings, cache, lambda k, n: told("rendering anew", k / n))
+        by_name = {c.name: r for c, r in zip(all_of_them, there, strict=True)}
+        return with_renderings(some, by_name, standing)
+
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
     with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
-        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots)
+        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots, redraw)
+    if fitted.redrawn:
+        all_of_them = redraw(all_of_them, fitted.redrawn)
     told("verdict", 0.0)
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0

@@ -3,7 +3,7 @@
 Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +19,13 @@ from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.search import Search, Stand, Told, total_of
+from analysis.gap.radiance import Changes
+from analysis.gap.search import Search, Stand, Start, Told, total_of
 from analysis.gap.state import State
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
+
+Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 
 STARTS = 4
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
@@ -39,6 +42,7 @@ class Fit:
     terms: tuple[Term, ...]
     evidence: Evidence
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
+    redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
 
     @property
     def best(self) -> Hypothesis:
@@ -61,9 +65,11 @@ def fit(
     tolerances: Tolerances,
     told: Told = lambda what, share: None,
     knots: Knots | None = None,
+    redraw: Redraw | None = None,
 ) -> Fit:
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
-    without it those that need that are not tried."""
+    without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
+    where the scene has it, with the light that goes by way of other surfaces."""
     search = Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
     told("registration", 0.0)
     first = search.stand(search.registered(), {}, "evidence", {})
@@ -81,7 +87,13 @@ def fit(
             if start in moves and stands[-1].best.causes == causes:
                 break  # what moved is all: the other starts are of a registration that hides it
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
-    return _fit(search.terms, chosen, knots)
+    far = search.far(chosen.at)
+    if redraw is not None and far:
+        search = Search(redraw(conditions, far), search.terms, knots, told)
+        there = search.stand(chosen.at, {}, "evidence", {})
+        start = Start(there.best, search.start_of(there.best, there))
+        chosen = search.followed(there, start, "fit anew")
+    return replace(_fit(search.terms, chosen, knots), redrawn=far)
 
 
 def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:

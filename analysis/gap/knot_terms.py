@@ -12,8 +12,8 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import moved_objects, outlines
-from analysis.gap.knots import Changes, Knots
-from analysis.gap.radiance import means
+from analysis.gap.knots import Knots
+from analysis.gap.radiance import Changes, means
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.brdf.lafortune import Lafortune
@@ -66,7 +66,7 @@ def _standing_off(t: Tolerances, knots: Knots) -> Term:
         weights = s.shown.weights(s.condition.scene)
         if not any(w.any() for w in weights.values()):
             return None
-        change = knots.standing_off(s.shown, 1e-3 * OFFSET)
+        change = knots.standing_off(s.condition.shown, 1e-3 * OFFSET)
         return _dn(s, change.radiance(weights, s.camera.sensor.resolution), OFFSET)
 
     return Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)
@@ -259,26 +259,27 @@ def rendered(
     sizes.setdefault((cause, target), {})[parameter] = abs(step)
 
     def field(s: State) -> np.ndarray | None:
-        weights = s.shown.weights(s.condition.scene)
+        home = s.condition.shown
+        weights = home.weights(s.condition.scene)
         if lamp:
             weights = {n: w for n, w in weights.items() if n == lamp}
-        if not any(w.any() for w in weights.values()) or not has(s.shown.scene, target):
+        if not any(w.any() for w in weights.values()) or not has(home.scene, target):
             return None
         size = s.camera.sensor.resolution
         here = _about(s, cause, target, sizes)
         if here:
-            further = step * s.shown.coarse
+            further = step * home.coarse
             if unit == "1":
                 further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
             try:
                 more = _more(here, cause, target, parameter, further)
-                there = knots.change(s.shown, more).radiance(weights, size)
-                return _dn(s, there - knots.change(s.shown, here).radiance(weights, size), further)
+                there = knots.change(home, more).radiance(weights, size)
+                return _dn(s, there - knots.change(home, here).radiance(weights, size), further)
             except BrightfieldError:  # at the end of what it may be: what it does at home has to do
                 pass
-        drawn = s.shown.origin or s.shown
+        drawn = home.origin or home
         radiance = knots.change(drawn, once).radiance(weights, drawn.camera.sensor.resolution)
-        out = _dn(s, means(radiance, s.shown.coarse), step)
+        out = _dn(s, means(radiance, home.coarse), step)
         if material:
             names = s.shown.scene.material_names
             others = [names.index(n) for n in among if n != material and n in names]
@@ -291,13 +292,17 @@ def rendered(
 def _about(s: State, cause: str, target: str, sizes: Sizes) -> Changes:
     """What is in force of the same object, lamp or material; to whole steps on the sensor's own grid, so that places
     near each other share their renderings."""
-    names = s.shown.scene.object_names
+    names = s.condition.shown.scene.object_names
     own = set(members(names, target)) if target else set()
     found = []
     for effect, t in s.scene:
         of_all = not t and effect.name() == cause
         if t == target or of_all or own & set(members(names, t)):
-            near = effect if s.shown.coarse > 1 else _rounded(effect, sizes.get((effect.name(), t), {}))
+            near = (
+                effect
+                if s.condition.shown.coarse > 1
+                else _rounded(effect, sizes.get((effect.name(), t), {}))
+            )
             if near.is_there:
                 found.append((near, target if of_all else t))
     return tuple(found)

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from analysis.gap.radiance import Rendered, fingerprint
+from analysis.gap.radiance import Changes, Rendered, fingerprint
 from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
 from interchange.effects import Effect
@@ -25,8 +25,6 @@ from interchange.effects.parts import bounds, has
 from interchange.effects.shadow import TWIN
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
-
-Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
 
 LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
 SPOTS, MANY, SOFT = (
@@ -93,10 +91,7 @@ class Knots:
         key = (id(shown.scene), shown.camera.sensor.resolution, effects, offset)
         if key not in self._changes:
             self._scenes[id(shown.scene)] = shown.scene
-            after = shown.scene
-            for effect, target in effects:
-                if has(after, target):  # what is never on, or not there yet, changes nothing
-                    after = effect.on_scene(after, target)
+            after = changed(shown.scene, effects)
             self._changes[key] = self._between(shown, after, effects, offset)
         return self._changes[key]
 
@@ -148,6 +143,14 @@ class Knots:
                 lamp = name.removeprefix("light:").removesuffix(TWIN)
                 found[lamp] = found[lamp] + plane if lamp in found else plane
         return found
+
+
+def changed(scene: Scene, effects: Changes) -> Scene:
+    """The scene with ``effects``, one after the other; what is never on, or not there yet, changes nothing."""
+    for effect, target in effects:
+        if has(scene, target):
+            scene = effect.on_scene(scene, target)
+    return scene
 
 
 def _lit_by(effects: Changes, before: Scene, after: Scene) -> tuple[Scene, Scene]:

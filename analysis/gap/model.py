@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.gap.chain_terms import effects_at
 from analysis.gap.conditions import Condition
-from analysis.gap.knots import Changes, Knots
-from analysis.gap.radiance import Rendered
+from analysis.gap.knots import Knots
+from analysis.gap.radiance import Changes, Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import Term, added
 from interchange.effects import MODELS, Effect

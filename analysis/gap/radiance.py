@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from interchange.camera import Camera
+from interchange.effects import Effect
 from interchange.image import Image
 from interchange.light import Light, LightKind
 from interchange.problems import Where
@@ -28,6 +29,7 @@ AMBIENT = "ambient"
 PASSES = ("depth", "position", "normal", "object_id", "material_id", "lit")
 FINE = 3  # odd: the middle of a pixel is the middle of one of its parts
 MOST = 300e6  # bytes of a rendering on the fine grid; what needs more is made on the sensor's own
+Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
 # scene, camera, passes, per light, and by how many pixels of its own a sensor's pixel is drawn
 Render = Callable[[Scene, Camera, Sequence[str], bool, int], Image]
 
@@ -39,7 +41,8 @@ class Rendered:
     ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: of each lamp, share of light that met another
     surface first, (H, W, 3); none where the renderer draws none. ``fine``: the lamps (n H, n W, 3) float16 over
     ``scale``, on a grid n times finer; none where that would be too much. ``coarse``: how many of the sensor's pixels
-    along a side are one here, which ``origin`` has apart.
+    along a side are one here, which ``origin`` has apart. ``elsewhere``: the same with effects of the scene in force,
+    ``standing``, that a difference of direct light does not tell.
     """
 
     scene: Scene
@@ -55,6 +58,14 @@ class Rendered:
     scale: float = 1.0
     coarse: int = 1
     origin: "Rendered | None" = None
+    standing: Changes = ()
+    elsewhere: tuple["Rendered", ...] = ()
+
+    def nearest(self, scene: Changes) -> "Rendered":
+        """Of this and ``elsewhere`` the one where most of ``scene`` is in force, and nothing else."""
+        wanted = {(effect.name(), target) for effect, target in scene}
+        fitting = [r for r in self.elsewhere if {(e.name(), t) for e, t in r.standing} <= wanted]
+        return max(fitting, key=lambda r: len(r.standing), default=self)
 
     def weights(self, scene: Scene) -> dict[str, np.ndarray]:
         """(3,) a lamp: its intensity in ``scene`` over the one that was rendered."""

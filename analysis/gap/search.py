@@ -13,12 +13,12 @@ from analysis.gap.approach import approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis
 from analysis.gap.form_terms import Change, doubt, form_terms
-from analysis.gap.knots import Knots
+from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
+from analysis.gap.radiance import Changes
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.terms import NUISANCE, Term, added
-from interchange.effects.parts import has
 from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]
@@ -35,6 +35,7 @@ MOVING = (
 )
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
+PLACED, FAR = ("object_pose", "geometry", "light_position"), 20.0  # steps: 2 px of an object's outline
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
@@ -128,12 +129,17 @@ class Search:
         found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
         return [Start(h, self._beginning(h, first)) for h in found]
 
+    def start_of(self, h: Hypothesis, stand: Stand) -> np.ndarray:
+        """Where a hypothesis is followed from at a stand."""
+        members = {c: stand.evidence.members[c] for c in h.causes}
+        return self.start(members, stand.evidence.theta(h))
+
     def _beginning(self, h: Hypothesis, first: Stand) -> np.ndarray:
         """What moves is looked for from the scene as written, as registration without it has moved another thing."""
         members = {c: first.evidence.members[c] for c in h.causes}
         if any(self.terms[i].kind in ("flow", "scene") for index in members.values() for i in index):
             return np.zeros(self.q)
-        return self.start(members, first.evidence.theta(h))
+        return self.start_of(h, first)
 
     def followed(self, first: Stand, start: Start, what: str) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
@@ -149,7 +155,7 @@ class Search:
             kept = stand.kept
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]
-            at = self.start({c: stand.evidence.members[c] for c in best.causes}, theta)
+            at = self.start_of(best, stand)
             settled = not self._moved(members, theta, theta_before, stand.evidence.spike)
             if best.causes == before.causes and settled:
                 break
@@ -231,6 +237,16 @@ class Search:
                 at = there
         return at
 
+    def far(self, at: np.ndarray) -> Changes:
+        """Of what is in force in the scene, all about whatever moved by more than ``FAR`` steps, so that what light
+        does between surfaces is no longer what was rendered."""
+        moved = {
+            t.candidate
+            for t, x in zip(self.terms, at, strict=True)
+            if t.cause in PLACED and t.kind == "scene" and abs(x) > FAR * t.step
+        }
+        return tuple((e, target) for e, target in self.model(at, at).scene if (e.name(), target) in moved)
+
     def within(self, at: np.ndarray, index: np.ndarray) -> np.ndarray:
         """``at`` with the terms ``index`` at what they may be at least."""
         there = at.copy()
@@ -239,11 +255,8 @@ class Search:
 
     def can_stand(self, at: np.ndarray) -> None:
         """Raises BrightfieldError where the scene cannot be so."""
-        scene = self.model(at, at).scene
         for shown in {id(c.shown): c.shown for c in self.conditions}.values():
-            for effect, target in scene:
-                if has(shown.scene, target):
-                    effect.on_scene(shown.scene, target)
+            changed(shown.scene, self.model(at, at).scene)
 
     def _can_stand(self, at: np.ndarray) -> bool:
         try:

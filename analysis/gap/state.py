@@ -11,8 +11,8 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
-from analysis.gap.knots import Changes, Knots
-from analysis.gap.radiance import FINE, Rendered, pixels
+from analysis.gap.knots import Change, Knots
+from analysis.gap.radiance import FINE, Changes, Rendered, pixels
 from interchange.effects import Effect
 from interchange.filtering import resample
 from interchange.frames import apply
@@ -29,7 +29,7 @@ class State:
     it looks at the capture). Benhimane, Malis: Homography-based 2D visual tracking and servoing. IJRR 2007.
 
     ``scene``: effects of the scene that are in force, as ``knots`` renders them: what they change is added to what was
-    rendered."""
+    rendered, with them or nearest to that."""
 
     def __init__(
         self,
@@ -44,8 +44,12 @@ class State:
         self.condition, self.effects, self.stride = condition, tuple(effects), stride
         self.symmetric = symmetric and not condition.shown.fine
         self.flow, self.scene = flow, scene
-        self.camera, self.shown = condition.camera, condition.shown
-        self.change = knots.change(condition.shown, scene) if knots is not None and scene else None
+        self.camera, self.base = condition.camera, condition.shown.nearest(scene)
+        self.changes: list[tuple[float, Change]] = []
+        if knots is not None and scene != self.base.standing:
+            ends = ((1.0, scene), (-1.0, self.base.standing))
+            self.changes = [(sign, knots.change(condition.shown, end)) for sign, end in ends if end]
+        self.shown = self.base
         if flow is not None:
             self.shown = moved(self.shown, flow)[HERE]
         self.shown = self._changed(self.shown, HERE)
@@ -53,12 +57,17 @@ class State:
 
     def _changed(self, shown: Rendered, way: tuple[int, int]) -> Rendered:
         """With what the effects of the scene change, ``way`` (columns, rows) steps of the finer grid further."""
-        if self.change is None:
+        if not self.changes:
             return shown
         lamps = dict(shown.lamps)
-        for name in set(lamps) & set(self.change.lamps):
-            added = self.change.radiance({name: np.ones(3)}, self.camera.sensor.resolution)
-            lamps[name] = np.maximum(lamps[name] + self.placed(added, way), 0)
+        for name in lamps:
+            added = [
+                sign * change.radiance({name: np.ones(3)}, self.camera.sensor.resolution)
+                for sign, change in self.changes
+                if name in change.lamps
+            ]
+            if added:
+                lamps[name] = np.maximum(lamps[name] + self.placed(sum(added[1:], added[0]), way), 0)
         return replace(shown, lamps=lamps)
 
     def placed(self, plane: np.ndarray, way: tuple[int, int] = HERE) -> np.ndarray:
@@ -134,7 +143,7 @@ class State:
         if not self.condition.shown.fine:
             dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
             return self.take(dx), self.take(dy)
-        views = moved(self.condition.shown, self.flow)
+        views = moved(self.base, self.flow)
         slopes = []
         for axis in ((1, 0), (0, 1)):
             ahead, behind = (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.approach import approaches
-from analysis.gap.conditions import Condition
+from analysis.gap.conditions import Condition, with_renderings
 from analysis.gap.fit import fit
 from analysis.gap.knot_terms import knot_terms, standing, together
 from analysis.gap.knots import MANY, Knots
@@ -86,6 +86,26 @@ def test_terms_tell_what_more_does_from_there(found, knots, rasterizer) -> None:
     missed = [np.sqrt(np.mean((x - real) ** 2) / np.mean(real**2)) for x in (there, at_home)]
     assert missed[0] < 0.5
     assert missed[0] < 0.7 * missed[1]
+
+
+def test_what_was_rendered_anew_is_what_is_simulated_there(found, knots) -> None:
+    """Where all of that is in force; from there on by differences, and not at all where something else is."""
+    c, standing = found[0], ((MOVED, BRACKET),)
+    twice = replace(c.shown, lamps={n: 2 * L for n, L in c.shown.lamps.items()})
+    anew, again = with_renderings([c, c], {c.name: twice}, standing)
+    assert anew.shown is again.shown
+    lamp = next(iter(c.shown.lamps))
+    assert np.array_equal(State(anew, scene=standing, knots=knots).shown.lamps[lamp], twice.lamps[lamp])
+    assert np.array_equal(State(anew).shown.lamps[lamp], c.shown.lamps[lamp])
+    further = ((replace(MOVED, x=MOVED.x + 1), BRACKET),)
+    said = State(anew, scene=further, knots=knots).shown.lamps[lamp] - twice.lamps[lamp]
+    real = np.subtract(*(
+        knots.change(c.shown, e).radiance({lamp: np.ones(3)}, c.camera.sensor.resolution) for e in (further, standing)
+    ))  # fmt: skip
+    assert np.abs(real).max() > 0.02 * twice.lamps[lamp].max()
+    assert said == pytest.approx(np.maximum(real, -twice.lamps[lamp]), abs=1e-4 * twice.lamps[lamp].max())
+    other = ((LightPosition(x=1.0), lamp),)
+    assert np.abs(State(anew, scene=other, knots=knots).shown.lamps[lamp] - c.shown.lamps[lamp]).max() > 0
 
 
 def test_a_part_of_the_image_is_rendered_as_in_the_whole(found, rasterizer) -> None:
