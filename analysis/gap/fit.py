@@ -83,11 +83,13 @@ def fit(
             causes = start.hypothesis.causes
             if any(set(causes) == set(s.best.causes) for s in stands[1:]):
                 continue  # another start came here
-            stands.append(search.followed(first, start, f"fit {k + 1}"))
+            stands.append(search.followed(first, start, f"fit {k + 1}", stands[1:]))
             if start in moves and stands[-1].best.causes == causes:
                 break  # what moved is all: the other starts are of a registration that hides it
+            if any(s.best.causes == stands[-1].best.causes for s in stands[1:-1]):
+                break  # two starts came to the same
     chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
-    far = search.far(chosen.at)
+    far = search.far(chosen)
     if redraw is not None and far:
         search = Search(redraw(conditions, far), search.terms, knots, told)
         there = search.stand(chosen.at, {}, "evidence", {})

@@ -35,7 +35,7 @@ MOVING = (
 )
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
-PLACED, FAR = ("object_pose", "geometry", "light_position"), 20.0  # steps: 2 px of an object's outline
+FAR = 2.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
@@ -141,8 +141,9 @@ class Search:
             return np.zeros(self.q)
         return self.start_of(h, first)
 
-    def followed(self, first: Stand, start: Start, what: str) -> Stand:
-        """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at."""
+    def followed(self, first: Stand, start: Start, what: str, known: Sequence[Stand] = ()) -> Stand:
+        """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at, or one
+        of ``known`` stands there already, and better."""
         stand, best, at = first, start.hypothesis, start.at
         theta = stand.evidence.theta(best)
         kept = dict(first.kept)
@@ -150,14 +151,16 @@ class Search:
             members = {c: stand.evidence.members[c] for c in best.causes}
             theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
-            before, theta_before = best, theta
+            before = best
             stand = self.stand(at, changes, what, kept)
             kept = stand.kept
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]
             at = self.start_of(best, stand)
-            settled = not self._moved(members, theta, theta_before, stand.evidence.spike)
+            settled = not self._moved(members, at, stand.at, stand.evidence.spike)
             if best.causes == before.causes and settled:
+                break
+            if any(k.best.causes == best.causes and k.best.score > stand.best.score for k in known):
                 break
         return stand
 
@@ -237,15 +240,18 @@ class Search:
                 at = there
         return at
 
-    def far(self, at: np.ndarray) -> Changes:
-        """Of what is in force in the scene, all about whatever moved by more than ``FAR`` steps, so that what light
-        does between surfaces is no longer what was rendered."""
+    def far(self, stand: Stand) -> Changes:
+        """What is in force in the scene at a stand and no longer small, if the stand has something beside it: that may
+        be what light does between surfaces."""
         moved = {
             t.candidate
-            for t, x in zip(self.terms, at, strict=True)
-            if t.cause in PLACED and t.kind == "scene" and abs(x) > FAR * t.step
+            for t, x in zip(self.terms, stand.at, strict=False)
+            if t.kind == "scene" and abs(x) > FAR * t.step
         }
-        return tuple((e, target) for e, target in self.model(at, at).scene if (e.name(), target) in moved)
+        if len(stand.best.causes) < 2:
+            return ()
+        scene = self.model(stand.at, stand.at).scene
+        return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
 
     def within(self, at: np.ndarray, index: np.ndarray) -> np.ndarray:
         """``at`` with the terms ``index`` at what they may be at least."""
