@@ -39,7 +39,8 @@ SETTLED = 0.1  # of what is left: a smaller gain is the last
 
 @dataclass(frozen=True)
 class Approach:
-    """``at`` (q,): where the cause stands; ``gain``: by how much less is left there, in sigma² of pixels."""
+    """``at`` (q,): where the cause stands; ``gain``: by how much less is left there, and would be a step
+    further, in sigma² of pixels."""
 
     cause: Cause
     at: np.ndarray
@@ -105,7 +106,8 @@ def _descended(search: "Search", levels: Sequence[_Level], cause: Cause, index: 
             if settled:
                 break
         gain = before - now
-    return Approach(cause, at, gain)
+    G, b, _ = _equations(search, levels[-1], index, at)
+    return Approach(cause, at, gain + float(b @ _solved(G, b, _units(search, index))))
 
 
 def _sliding(search: "Search", index: np.ndarray, n: int) -> np.ndarray:

@@ -24,15 +24,6 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
-MOVING = (
-    "camera_pose",
-    "principal_point",
-    "lens_distortion",
-    "object_pose",
-    "geometry",
-    "light_position",
-    "light_size",
-)
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 2.0  # steps, from which on a difference of direct light may not be all
@@ -113,7 +104,8 @@ class Search:
     def moves(self, first: Stand) -> list[Start]:
         """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures.
         Registration without its cause hides each of them behind all the others."""
-        causes = {c: index for c, index in first.evidence.members.items() if c[0] in MOVING}
+        members = first.evidence.members
+        causes = {c: i for c, i in members.items() if any(self.terms[k].kind in ("flow", "scene") for k in i)}
         found = approaches(self, causes)[:MOVES]
         nearest = [a for a in found if a.gain > RIVAL * found[0].gain]
         return [Start(first.evidence.best((a.cause,), {}), a.at) for a in nearest]
