@@ -39,6 +39,7 @@ OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
+APART = 4.0
 LARGEST_SHARE = 0.25  # of a size or a gloss: no step is longer on a coarse grid either
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
 
@@ -291,18 +292,17 @@ def rendered(
 
 def _about(s: State, cause: str, target: str, sizes: Sizes) -> Changes:
     """What is in force of the same object, lamp or material; to whole steps on the sensor's own grid, so that places
-    near each other share their renderings."""
+    near each other share their renderings, and to ``APART`` steps of what is more than the target or a part of it."""
     names = s.condition.shown.scene.object_names
     own = set(members(names, target)) if target else set()
     found = []
     for effect, t in s.scene:
         of_all = not t and effect.name() == cause
         if t == target or of_all or own & set(members(names, t)):
-            near = (
-                effect
-                if s.condition.shown.coarse > 1
-                else _rounded(effect, sizes.get((effect.name(), t), {}))
-            )
+            steps = sizes.get((effect.name(), t), {})
+            apart = 1.0 if t == target else APART
+            on_grid = s.condition.shown.coarse == 1
+            near = _rounded(effect, {n: apart * x for n, x in steps.items()}) if on_grid else effect
             if near.is_there:
                 found.append((near, target if of_all else t))
     return tuple(found)
