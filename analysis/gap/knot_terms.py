@@ -267,7 +267,7 @@ def rendered(
         if not any(w.any() for w in weights.values()) or not has(home.scene, target):
             return None
         size = s.camera.sensor.resolution
-        here = _about(s, cause, target, sizes)
+        here = _about(s, target, sizes)
         if here:
             further = step * home.coarse
             if unit == "1":
@@ -290,21 +290,20 @@ def rendered(
     return field
 
 
-def _about(s: State, cause: str, target: str, sizes: Sizes) -> Changes:
+def _about(s: State, target: str, sizes: Sizes) -> Changes:
     """What is in force of the same object, lamp or material; to whole steps on the sensor's own grid, so that places
     near each other share their renderings, and to ``APART`` steps of what is more than the target or a part of it."""
     names = s.condition.shown.scene.object_names
     own = set(members(names, target)) if target else set()
     found = []
     for effect, t in s.scene:
-        of_all = not t and effect.name() == cause
-        if t == target or of_all or own & set(members(names, t)):
+        if t == target or own & set(members(names, t)):
             steps = sizes.get((effect.name(), t), {})
             apart = 1.0 if t == target else APART
             on_grid = s.condition.shown.coarse == 1
             near = _rounded(effect, {n: apart * x for n, x in steps.items()}) if on_grid else effect
             if near.is_there:
-                found.append((near, target if of_all else t))
+                found.append((near, t))
     return tuple(found)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,6 +109,20 @@ def test_what_was_rendered_anew_is_what_is_simulated_there(found, knots) -> None
     assert np.abs(State(anew, scene=other, knots=knots).shown.lamps[lamp] - c.shown.lamps[lamp]).max() > 0
 
 
+def test_what_is_far_and_not_alone_is_to_be_rendered_anew(found, knots) -> None:
+    search = Search(found, tuple(knot_terms(found, Tolerances(), knots)), knots, lambda what, share: None)
+    keys = [t.key for t in search.terms]
+    at = np.zeros(search.q)
+    at[keys.index(("object_pose", BRACKET, "x"))] = MOVED.x
+    at[keys.index(("light_position", "/World/LED0", "x"))] = 0.5  # mm, of a step of 2
+
+    def stand(*causes: str) -> SimpleNamespace:
+        return SimpleNamespace(at=at, best=SimpleNamespace(causes=causes))
+
+    assert search.far(stand("object_pose", "texture")) == ((ObjectPose(x=MOVED.x), BRACKET),)
+    assert not search.far(stand("object_pose"))
+
+
 def test_a_part_of_the_image_is_rendered_as_in_the_whole(found, rasterizer) -> None:
     """Nothing changes outside the region, and inside the cropped camera sees the same."""
     scene, camera = found[0].scene, found[0].camera
@@ -139,7 +154,11 @@ def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterize
     """1.5 px away, which no single linearisation tells: named alone, and its place within a tenth of a px."""
     captured = drawn(found, rasterizer, MOVED)
     assert BRACKET in standing(captured)
-    done = fit(captured, Tolerances(), knots=knots)
+
+    def never(some, standing) -> list[Condition]:
+        raise AssertionError("a cause alone needs no renderings anew")
+
+    done = fit(captured, Tolerances(), knots=knots, redraw=never)
     assert done.best.causes == (("object_pose", BRACKET),)
     own = {
         t.parameter: float(x)
