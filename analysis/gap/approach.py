@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from analysis.gap.search import Search
 
 LEVELS = (16, 8, 4, 2)  # pixels along a side of what is taken together
+LEAST = 4  # pixels along a side that a level has
 STEPS = 5  # of each level, at most
 TURNING = 8  # level from which on objects do not turn
 PARTS = (1.0, 0.4)  # of a step that are tried
@@ -58,7 +59,10 @@ class _Level:
 
 def approaches(search: "Search", causes: dict[Cause, np.ndarray]) -> list[Approach]:
     """Of those of ``causes`` {cause: its terms} that explain most, the nearest first."""
-    levels = [_level(search, n) for n in LEVELS]
+    smallest = min((min(c.camera.sensor.resolution) for c in search.conditions), default=0)
+    levels = [_level(search, n) for n in LEVELS if n * LEAST <= smallest]
+    if not levels:
+        return []
     home = np.zeros(search.q)
     gains = dict.fromkeys(causes, 0.0)
     for level in levels:

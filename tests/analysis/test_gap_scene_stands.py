@@ -191,6 +191,13 @@ def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) ->
     assert at["rz"] == pytest.approx(far.rz, abs=30)
 
 
+def test_an_image_too_small_for_means_has_nothing_to_approach(found, knots) -> None:
+    eye = cropped(found[0].camera, slice(0, 6), slice(0, 40))
+    tiny = replace(found[0], camera=eye)
+    search = Search([tiny], tuple(knot_terms(found, Tolerances(), knots)), knots, lambda what, share: None)
+    assert approaches(search, {("object_pose", BRACKET): np.array([0])}) == []
+
+
 @pytest.mark.parametrize("size", [0.98, 1.02])
 def test_an_objects_size_is_found_on_both_sides(found, knots, rasterizer, size) -> None:
     """Within a tenth of what it is off by, and its height by what a 25th of a px of its top is: its cause alone,
