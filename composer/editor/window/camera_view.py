@@ -24,9 +24,7 @@ from interchange.problems import BrightfieldError
 
 BINS = 128
 SECOND_PART = 220  # px of the bar: path tracing and the stream
-OVERVIEW_FIRST = (
-    4  # frames of a window that opens: the overview is seen before shaders of sensors' views compile
-)
+OVERVIEW_FIRST = 4  # frames of a window that opens, before shaders of sensors' views compile
 SAMPLES = (16, 64, 256, 1024)
 
 
