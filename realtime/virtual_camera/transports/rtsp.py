@@ -105,6 +105,13 @@ class _Session:
     source: int = field(default_factory=lambda: secrets.randbits(32))
     playing: threading.Event = field(default_factory=threading.Event)
     ended: threading.Event = field(default_factory=threading.Event)
+    sending: threading.Lock = field(default_factory=threading.Lock)  # held over the packets of a frame
+
+    def halt(self) -> None:
+        """Send no more; the frame on its way is awaited, so that no packet follows what is said next."""
+        self.playing.clear()
+        with self.sending:
+            pass
 
 
 class _Connection(socketserver.StreamRequestHandler):
@@ -168,10 +175,8 @@ class _Connection(socketserver.StreamRequestHandler):
             if method == "PLAY":
                 self._reply(200, sequence, more | {"Range": "npt=now-"})
                 session.playing.set()
-            elif method == "PAUSE":
-                session.playing.clear()
-                self._reply(200, sequence, more)
             else:
+                session.halt()
                 self._reply(200, sequence, more)
             return method != "TEARDOWN"
         publisher = self._camera(url)
@@ -267,13 +272,18 @@ class _Connection(socketserver.StreamRequestHandler):
                 if frame is None:
                     continue
                 scan = rtp_jpeg.scan_of(compress(frame))
-                if time.monotonic() > reported + REPORT:
-                    reported = time.monotonic()
-                    session.send(rtp_jpeg.sender_report(frame.stamp_ns, session.source, count, octets), True)
-                stamp = rtp_jpeg.ticks(frame.stamp_ns)
-                for packet in rtp_jpeg.packets(scan, sequence, stamp, session.source):
-                    session.send(packet, False)
-                    sequence, count, octets = sequence + 1, count + 1, octets + len(packet) - 12
+                with session.sending:
+                    if not session.playing.is_set() or session.ended.is_set():
+                        continue
+                    if time.monotonic() > reported + REPORT:
+                        reported = time.monotonic()
+                        session.send(
+                            rtp_jpeg.sender_report(frame.stamp_ns, session.source, count, octets), True
+                        )
+                    stamp = rtp_jpeg.ticks(frame.stamp_ns)
+                    for packet in rtp_jpeg.packets(scan, sequence, stamp, session.source):
+                        session.send(packet, False)
+                        sequence, count, octets = sequence + 1, count + 1, octets + len(packet) - 12
         except (
             OSError,
             BrightfieldError,

@@ -3,6 +3,7 @@
 import os
 import socket
 import struct
+import time
 from dataclasses import replace
 
 import cv2
@@ -134,6 +135,29 @@ def test_the_conversation_of_rfc_2326(empty, live):
         bad = Client(served.url)
         bad.socket.sendall(b"GET / HTTP/1.1\r\n\r\n")
         assert bad.file.read() == b""
+
+
+def test_no_packet_follows_the_answer_to_pause(empty, live, monkeypatch):
+    whole = rtp_jpeg.packets
+
+    def slow(*frame):
+        for packet in whole(*frame):
+            yield packet
+            time.sleep(0.1)  # the request comes in the middle of a frame
+            yield packet
+
+    monkeypatch.setattr(rtp_jpeg, "packets", slow)
+    with live.streaming(empty, live.Flat(), Rtsp, frame_rate=100) as (_, served):
+        client = Client(served.url)
+        way = client.ask("SETUP", "/track1", Transport="RTP/AVP/TCP;unicast;interleaved=0-1")[1]
+        session = way["Session"].split(";")[0]
+        assert client.ask("PLAY", Session=session)[0] == 200
+        assert client.packet()[0] == 1  # RTCP
+        assert client.packet()[0] == 0
+        assert client.ask("PAUSE", Session=session)[0] == 200
+        client.socket.settimeout(0.3)
+        with pytest.raises(TimeoutError):
+            client.file.read1(1)
 
 
 def test_sizes_that_rfc_2435_cannot_say_are_refused_before_streaming(empty, live):
