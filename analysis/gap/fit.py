@@ -120,28 +120,30 @@ def believed(
 ) -> dict[Cause, float]:
     """The probabilities of the effects among ``causes``, lower where experience says that the evidence is too sure:
 
-        p E / (E + E_unknown)        beside something without a name, as far as they outweigh it
-        p min(1, E_all / Σ E)        where what they change is undone by the others
+        p E / (E + E_unknown)        beside something without a name, as far as it outweighs that
+        p min(1, Δ' W Σ Δ / E)       where what it changes is undone by the others
 
-    E: Δ' W Δ of what a cause changes, E_all of all together. On cases whose cause was known, an effect that was called
-    beside a stronger unknown was right one time in eight, and effects that undid each other never (docs/diagnosis.md).
+    E: Δ' W Δ of what a cause changes, Σ Δ what all named ones change together. On cases whose cause was known, an effect
+    that was called beside a stronger unknown was right one time in eight, and effects that undid each other never
+    (docs/diagnosis.md).
     """
     if not causes:
         return probability
     generic = {c: evidence.terms[evidence.members[c][0]].generic for c in causes}
 
-    def energy(index: np.ndarray) -> float:
-        return float(theta[index] @ evidence.e.G[np.ix_(index, index)] @ theta[index])
+    G = evidence.e.G
 
-    each = {c: energy(evidence.members[c]) for c in causes}
+    def shared(a: np.ndarray, b: np.ndarray) -> float:
+        return float(theta[a] @ G[np.ix_(a, b)] @ theta[b])
+
+    members = {c: evidence.members[c] for c in causes}
     named = [c for c in causes if not generic[c]]
-    unknown = sum(e for c, e in each.items() if generic[c])
+    unknown = sum(shared(members[c], members[c]) for c in causes if generic[c])
     out = dict(probability)
-    if named:
-        together = energy(np.concatenate([evidence.members[c] for c in named]))
-        coherent = min(1.0, together / max(sum(each[c] for c in named), 1e-30))
-        for c in named:
-            out[c] *= coherent * each[c] / max(each[c] + unknown, 1e-30)
+    for c in named:
+        own = max(shared(members[c], members[c]), 1e-30)
+        together = sum(shared(members[c], members[d]) for d in named)
+        out[c] *= min(1.0, max(together, 0.0) / own) * own / (own + unknown)
     return out
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from analysis.gap.evidence import SLABS, Evidence, posterior
+from analysis.gap.fit import believed
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.regions import ZONES, zones
@@ -54,6 +55,20 @@ def test_the_search_finds_two_causes_among_many(rng: np.random.Generator) -> Non
     assert p["b", ""] > 0.99
     assert p["e", ""] > 0.99
     assert max(v for k, v in p.items() if k[0] not in "be") < 0.2
+
+
+def test_causes_that_undo_each_other_are_in_doubt_and_no_other(rng: np.random.Generator) -> None:
+    """Columns a and b are alike, c stands apart. With a = 1 and b = -0.9, Δ_a' Σ Δ / Δ_a' Δ_a = 0.1 and of b < 0."""
+    a, c = rng.standard_normal(4000), rng.standard_normal(4000)
+    c -= a * (a @ c) / (a @ a)
+    X = np.stack([a, a, c], axis=1)
+    evidence = Evidence(_equations(X, X @ [1, -0.9, 0.3]), _terms(list("abc"), 0.002))
+    causes = (("a", ""), ("b", ""), ("c", ""))
+    sure = dict.fromkeys(causes, 1.0)
+    p = believed(sure, causes, evidence, np.array([1.0, -0.9, 0.3]))
+    assert list(p.values()) == pytest.approx([0.1, 0.0, 1.0])
+    alike = believed(sure, causes, evidence, np.array([1.0, 0.9, 0.3]))
+    assert list(alike.values()) == pytest.approx([1.0, 1.0, 1.0])
 
 
 def test_noise_alone_has_no_cause() -> None:
