@@ -2,22 +2,22 @@
 
     python benchmarks/real_gap.py chessboard --out DIR [--sizes 8 4 2 1] [--picture docs/real_gap_chessboard.png]
     python benchmarks/real_gap.py sensor --out DIR [--lamps 1] [--picture docs/real_gap_sensor.png]
+    python benchmarks/real_gap.py flea3-filters --out DIR [--sizes 2 1] [--picture docs/real_gap_flea3.png]
+    python benchmarks/real_gap.py flea3-exposures --out DIR [--dark] [--picture docs/real_gap_flea3_exposures.png]
 
 ``chessboard``: photographs of a board (assets/calibration) against a camera without distortion at the poses of an
 OpenCV calibration; diagnosed from an eighth of the size on, each size with the lens that the one before found.
 ``sensor``: a camera on an EMVA 1288 bench (assets/camera_emva1288) against an ideal sensor before a grey plate, lit as
-the bench's photon numbers say. Each writes scene.usda and captures.json to DIR, runs ``brightfield diagnose --render
+the bench's photon numbers say. ``flea3-filters``, ``flea3-exposures``: benchmarks.real_gap_filters and
+benchmarks.real_gap_exposures say. Each writes scene.usda and captures.json to DIR, runs ``brightfield diagnose --render
 realtime`` on them, and says how far it agrees with the reference.
 """
 
 import argparse
-import json
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -30,11 +30,12 @@ from analysis.calibration.calibration import Calibration, calibrate
 from analysis.calibration.models import MODELS
 from analysis.calibration.observations import Observations, grey, observe
 from analysis.emva import Level, characterise, level
+from benchmarks import real_gap_exposures, real_gap_filters
+from benchmarks.diagnosed import diagnosed, written
 from benchmarks.twin import ASSETS, BOARD, posed, squares
 from interchange.brdf.lambert import Lambert
 from interchange.camera import Camera, Lens, Sensor
 from interchange.formats import emva_data, exr, images
-from interchange.formats.usd_author import author_scene
 from interchange.frames import look_at
 from interchange.image import Image
 from interchange.light import Light, LightKind
@@ -42,7 +43,6 @@ from interchange.material import Material
 from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
 
-ROOT = Path(__file__).parents[1]
 LAMP_AT = (
     0.6  # m before the board: a lamp's distance, which a slope over the board does not tell from its place
 )
@@ -57,35 +57,26 @@ REFERENCE = (("sensor_noise", "K"), ("sensor_noise", "read_noise"), ("black_leve
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("chessboard", "sensor"))
+    parser.add_argument("what", choices=("chessboard", "sensor", "flea3-filters", "flea3-exposures"))
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--sizes", type=int, nargs="*", default=SIZES)
+    parser.add_argument(
+        "--sizes", type=int, nargs="*", help="times that pictures are reduced, one after the other"
+    )
     parser.add_argument(
         "--lamps", type=int, default=2, help="of the sensor's bench; 1 shows no fixed pattern"
     )
+    parser.add_argument("--dark", action="store_true", help="the exposures' dark frames too")
     parser.add_argument("--picture", type=Path)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     if args.what == "chessboard":
-        chessboard(args.out, args.sizes, args.picture)
-    else:
+        chessboard(args.out, args.sizes or SIZES, args.picture)
+    elif args.what == "sensor":
         sensor(args.out, args.lamps, args.picture)
-
-
-def diagnosed(folder: Path) -> dict[str, Any]:
-    """What ``brightfield diagnose`` writes of captures.json in ``folder``."""
-    command = [sys.executable, "-m", "composer", "diagnose", str(folder / "captures.json"), "--render", "realtime",
-               "--out", str(folder), "--cache", str(folder / "cache")]  # fmt: skip
-    print(f"{folder.name}:", flush=True)
-    subprocess.run(command, cwd=ROOT, check=True)
-    found: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text())
-    gap = found["gap"]
-    print(
-        f"  as written chi {gap['as_written']:.2f}; explained {100 * gap['explained']:.1f} %; {found['seconds']:.0f} s"
-    )
-    for note in found["notes"]:
-        print(f"  note: {note}")
-    return found
+    elif args.what == "flea3-filters":
+        real_gap_filters.filters(args.out, args.sizes or real_gap_filters.SIZES, args.picture)
+    else:
+        real_gap_exposures.exposures(args.out, args.dark, args.picture)
 
 
 # --- a lens
@@ -193,12 +184,10 @@ def of_size(
         frames.append(Scene(board(float(np.sign(camera.world_from_camera[2, 3]))), (light,), (twin,)))
         entries.append({"image": f"{path.stem}.exr", "camera": "/World/Camera", "time": n, "exposure": 1.0,
                         "mask": f"{path.stem}_mask.png"})  # fmt: skip
-    author_scene(frames[0], frames=frames[1:]).Export(str(folder / "scene.usda"))
     tolerances = {"registration_px": 0.2 / size, "light_intensity": 0.03, "light_position_mm": 30,
                   "flat_field": 0.03, "black_level_dn": 5, "albedo": 0.1, "object_pose_mm": 0.05}  # fmt: skip
     held = [e["image"] for e in entries[1::3]]
-    head = {"scene": "scene.usda", "captures": entries, "holdout": held, "tolerances": tolerances}
-    (folder / "captures.json").write_text(json.dumps(head, indent=1))
+    written(folder, frames, entries, tolerances, held)
     found = diagnosed(folder)
     lens = next((f["parameters"] for f in found["effects"] if f["name"] == "lens_distortion"), {})
     nothing = {"value": 0.0, "sigma": 0.0}
@@ -293,10 +282,8 @@ def sensor(out: Path, count: int, picture: Path | None) -> None:
             name = f"{n:02d}_{k}.png"
             images.write(out / name, images.read(image).astype(np.uint16))
             entries.append({"image": name, "camera": "/World/Camera", "time": n, "exposure": point.t_exp})
-    author_scene(frames[0], frames=frames[1:]).Export(str(out / "scene.usda"))
     tolerances = {"light_intensity": 0.01, "flat_field": 0.01}
-    head = {"scene": "scene.usda", "captures": entries, "tolerances": tolerances}
-    (out / "captures.json").write_text(json.dumps(head, indent=1))
+    written(out, frames, entries, tolerances)
     found = diagnosed(out)
     told = {(f["name"], n): p for f in found["effects"] for n, p in f["parameters"].items()}
     for effect, name in REFERENCE:
