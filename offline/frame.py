@@ -53,7 +53,7 @@ def render(stage: Stage, job: Job, folder: Path) -> tuple[dict[str, np.ndarray],
             found = run(RADIANCE, only, settings.samples, settings.noise)
             arrays["alpha"] = found["Alpha"]
             return found["Combined"], found["Emission"]
-        found = run(DIRECT, only, max(settings.samples, EDGE_SAMPLES))
+        found = run(DIRECT, only, settings.direct_samples or max(settings.samples, EDGE_SAMPLES))
         direct, arrays["alpha"] = found["Combined"], found["Alpha"]
         reflected = run(INDIRECT, only, settings.samples, settings.noise, denoise=True)["Combined"]
         return direct + np.maximum(reflected, 0), direct

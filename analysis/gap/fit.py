@@ -123,9 +123,9 @@ def believed(
         p E / (E + E_unknown)        beside something without a name, as far as it outweighs that
         p min(1, Δ' W Σ Δ / E)       where what it changes is undone by the others
 
-    E: Δ' W Δ of what a cause changes, Σ Δ what all named ones change together. On cases whose cause was known, an effect
-    that was called beside a stronger unknown was right one time in eight, and effects that undid each other never
-    (docs/diagnosis.md).
+    E: Δ' W Δ of what a cause changes, Σ Δ what all named ones change together. On cases whose cause was known, an
+    effect that was called beside a stronger unknown was right one time in eight, and effects that undid each other
+    never (docs/diagnosis.md).
     """
     if not causes:
         return probability

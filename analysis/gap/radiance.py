@@ -5,6 +5,7 @@
 Captures that differ in nothing but the lamps' intensities and the exposure share one rendering. It is made on a grid
 ``FINE`` times finer than the sensor's, with as many samples in all: pixels are means over ``FINE`` x ``FINE`` of its
 values, and a motion of a part of a pixel moves edges as it does in a camera, which no interpolation of pixels can.
+Reflected light is drawn on the sensor's own grid (analysis.gap.reflected).
 """
 
 import hashlib
@@ -18,6 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from analysis.gap.reflected import finely
 from interchange.camera import Camera
 from interchange.effects import Effect
 from interchange.image import Image
@@ -27,11 +29,23 @@ from interchange.scene import Scene
 
 AMBIENT = "ambient"
 PASSES = ("depth", "position", "normal", "object_id", "material_id", "lit")
+SURFACES = ("object_id", "material_id", "normal")  # what tells them apart on the finer grid
 FINE = 3  # odd: the middle of a pixel is the middle of one of its parts
 MOST = 300e6  # bytes of a rendering on the fine grid; what needs more is made on the sensor's own
 Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
-# scene, camera, passes, per light, and by how many pixels of its own a sensor's pixel is drawn
-Render = Callable[[Scene, Camera, Sequence[str], bool, int], Image]
+
+
+class Paths(Enum):
+    """Which light an image shows: all; what comes straight from the lamps; or all, of which what met another surface
+    first is looked at alone, lamp by lamp."""
+
+    ALL = "all"
+    DIRECT = "direct"
+    REFLECTED = "reflected"
+
+
+# scene, camera, passes, per light, by how many pixels of its own a sensor's pixel is drawn, and which light
+Render = Callable[[Scene, Camera, Sequence[str], bool, int, Paths], Image]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,31 +202,49 @@ def _rendered(
     )
 
 
-def _arrays(scene: Scene, camera: Camera, render: Render, indirect: bool) -> dict[str, np.ndarray]:
+def _arrays(scene: Scene, camera: Camera, render: Render, reflected: bool) -> dict[str, np.ndarray]:
     width, height = camera.sensor.resolution
     finer = FINE if 6 * FINE**2 * width * height * len(scene.lights) <= MOST else 1
     eye = camera.resized(finer * width) if finer > 1 else camera
-    image = render(scene, eye, [*PASSES, *(["indirect"] if indirect else [])], True, finer**2)
-    found = {n: p for n, p in image.passes.items() if n.split(":")[0] in ("light", "indirect")}
-    middle = slice(finer // 2, None, finer)
-    out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
-    lamps = {n: p for n, p in found.items() if n.startswith("light:")}
-    rest = means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
+    image = render(scene, eye, SURFACES if reflected else PASSES, True, finer**2, Paths.DIRECT)
+    lamps = {n.removeprefix("light:"): p for n, p in image.passes.items() if n.startswith("light:")}
+    if reflected:
+        around = render(scene, camera, (*PASSES, "indirect"), True, 1, Paths.REFLECTED)
+        out = _reflected(lamps, image, around)
+        rest = np.maximum(around.pixels - sum((around.passes[f"light:{n}"] for n in lamps), 0.0), 0)
+        out |= {n: p for n, p in around.passes.items() if n.split(":")[0] in PASSES}
+    else:
+        rest = means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
+        middle = slice(finer // 2, None, finer)
+        out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
     rest[rest < 1e-5 * max(float(image.pixels.max()), 1e-30)] = 0  # rounding, where nothing shines by itself
     dome = Light(AMBIENT, LightKind.DOME, (1.0, 1.0, 1.0))
-    ambient = render(replace(scene, lights=(dome,)), camera, [], False, 1).pixels - rest
+    ambient = render(replace(scene, lights=(dome,)), camera, (), False, 1, Paths.ALL).pixels - rest
     if finer > 1:
         scale = max((float(p.max()) for p in lamps.values()), default=1.0) or 1.0
-        out |= {n.replace("light:", "fine:"): (p / scale).astype(np.float16) for n, p in lamps.items()}
+        out |= {f"fine:{n}": (p / scale).astype(np.float16) for n, p in lamps.items()}
         out["scale"] = np.array(scale)
     else:
-        out |= lamps
-    for name, whole in lamps.items():
-        key = name.replace("light:", "indirect:")
-        if indirect:
-            bounced, all_of_it = means(found[key], finer), means(whole, finer)
-            out[key] = np.divide(bounced, all_of_it, out=np.zeros_like(bounced), where=all_of_it > 0)
+        out |= {f"light:{n}": p for n, p in lamps.items()}
     return {**out, "rest": rest, AMBIENT: ambient}
+
+
+def _reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dict[str, np.ndarray]:
+    """Adds to ``lamps`` (n H, n W, 3) what ``around`` (H, W) has of each one's reflected light; its share of the whole,
+    (H, W, 3), as ``indirect:NAME``."""
+    if not lamps:
+        return {}
+    planes = [np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps]
+    material, body = direct.passes["material_id"], direct.passes["object_id"]
+    surface = np.where(body < 0, -1, body * (1 + int(material.max(initial=0))) + material)
+    fine = finely(np.concatenate(planes, axis=2), surface, direct.passes["normal"])
+    out = {}
+    for k, (name, plane) in enumerate(zip(list(lamps), planes, strict=True)):
+        lamps[name] = lamps[name] + fine[..., 3 * k : 3 * k + 3]
+        whole = means(lamps[name], len(fine) // len(plane))
+        share = np.divide(plane, whole, out=np.zeros_like(whole), where=whole > 0)
+        out[f"indirect:{name}"] = np.minimum(share, 1)
+    return out
 
 
 def means(plane: np.ndarray, n: int) -> np.ndarray:

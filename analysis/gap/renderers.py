@@ -5,14 +5,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from analysis.gap.radiance import Render
+from analysis.gap.radiance import Paths, Render
 from interchange.camera import Camera
 from interchange.image import Image
 from interchange.scene import Scene
 
 NAMES = ("offline", "realtime")
 LEAST = 4  # samples of the rasteriser that a lamp's half-shadow is told from
-SAMPLES = {"offline": 128, "realtime": 16}
+SAMPLES = {"offline": 81, "realtime": 16}  # of a pixel
+REFLECTED = 64  # paths of reflected light, which is denoised
 
 
 @contextmanager
@@ -23,23 +24,46 @@ def renderer(name: str, samples: int = 0) -> Iterator[tuple[Render, dict[str, An
         from offline.renderers.cycles import Cycles
         from offline.settings import CyclesSettings
 
-        settings = CyclesSettings(samples=samples, denoise=1)
+        every = CyclesSettings(samples=samples, denoise=1)
+        around = CyclesSettings(samples=min(samples, REFLECTED), denoise=1, direct_samples=1)
         with Cycles() as cycles:
 
             def traced(
-                scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
+                scene: Scene,
+                camera: Camera,
+                passes: Sequence[str],
+                per_light: bool,
+                parts: int,
+                paths: Paths,
             ) -> Image:
-                own = replace(settings, samples=-(-samples // parts))
+                own = {
+                    Paths.ALL: every,
+                    Paths.DIRECT: replace(every, samples=-(-samples // parts), max_bounces=0),
+                    Paths.REFLECTED: around,
+                }[paths]
                 return cycles.render(scene, camera, own, passes, per_light)
 
-            yield traced, {"renderer": "cycles", "indirect": True, **settings.as_dict()}
+            yield (
+                traced,
+                {
+                    "renderer": "cycles",
+                    "indirect": True,
+                    "reflected": around.samples,
+                    **every.as_dict(),
+                },
+            )
     else:
         from realtime.renderers.rasterizer import Rasterizer
 
         with Rasterizer() as rasterizer:
 
             def drawn(
-                scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int
+                scene: Scene,
+                camera: Camera,
+                passes: Sequence[str],
+                per_light: bool,
+                parts: int,
+                paths: Paths,
             ) -> Image:
                 own = samples if parts == 1 else max(-(-samples // parts), LEAST)
                 return rasterizer.render(scene, camera, passes, per_light, own)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition, conditions
-from analysis.gap.radiance import render_all
+from analysis.gap.radiance import Paths, render_all
 from interchange.camera import Camera
 from interchange.formats import captures as captures_file
 from interchange.formats import images
@@ -34,7 +34,9 @@ def small_bench(rasterizer: Rasterizer) -> Bench:
     """(folder, {time: camera}, spots of a pixel) to its conditions, rendered; ``folder/cache`` keeps what was."""
 
     def made(folder: Path, shots: dict[int, str], spots: int) -> list[Condition]:
-        def render(scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int) -> Image:
+        def render(
+            scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int, paths: Paths
+        ) -> Image:
             return rasterizer.render(scene, camera, passes, per_light, max(spots // parts, 1))
 
         (folder / "scene.usda").write_text(BENCH.read_text().replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
