@@ -77,6 +77,9 @@ def exposures(out: Path, with_dark: bool, drawn_to: Path | None) -> None:
             f"{100 * (y == series.highest).mean():.1f} %; dark: hot sites {hot.mean():.2f} DN in the mean, "
             f"hottest {series.dark[ms].max()}, {100 * (series.dark[ms] > 0).mean():.2f} % above 0"
         )
+    long = sorted(SHUTTERS)[-3:]
+    rates = [1e3 * series.grown(ms).mean() / ms for ms in long]
+    print("  hot sites: " + ", ".join(f"{r:.2f} DN/s at {ms} ms" for r, ms in zip(rates, long, strict=True)))
     discs = taught(picture(550, TAUGHT))
     camera = twin(discs.camera, series.light[TAUGHT].shape)
     bodies = sheet(discs, [ink(discs, picture(550, TAUGHT), "green")] * 3)

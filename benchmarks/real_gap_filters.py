@@ -47,7 +47,7 @@ SHUTTERS = ({"red": 100, "green": 25, "blue": 25}, {"red": 250, "green": 25, "bl
 HELD = 2  # of them: it shares no picture with the others
 STEP = 256  # DN of 16 bits that one of the pictures' 8 is written as: interpolation does not round it then
 EFFECT = "lateral_chromatic_aberration"
-NUMBERS = ("red", "blue", "red3", "blue3")
+NUMBERS = ("red", "blue", "red3", "blue3", "red_u", "red_v", "blue_u", "blue_v")
 BLURS = 4  # times that the twin's blur is corrected by what its edges show
 SIZES = (2, 1)  # times that pictures are reduced
 
@@ -72,17 +72,19 @@ class Apart:
         """(2,) px: what c leaves in the mean."""
         return np.asarray((self.shift - self.magnification[0] * (self.at - np.array(AXIS))).mean(axis=0))
 
-    def left(self, c: float, d: float) -> np.ndarray:
+    def left(self, numbers: dict[str, float], colour: str) -> np.ndarray:
         """(n, 2) px: what the effect's numbers leave."""
-        return np.asarray(self.shift - shifted(self.at, c, d))
+        return np.asarray(self.shift - shifted(self.at, numbers, colour))
 
 
-def shifted(at: np.ndarray, c: float, d: float) -> np.ndarray:
-    """px by which the effect moves what green has ``at`` (n, 2) px of the cut: r (c + d r²) from the axis; r = 1 is
-    half the cut's diagonal."""
+def shifted(at: np.ndarray, numbers: dict[str, float], colour: str) -> np.ndarray:
+    """px by which the effect moves what green has ``at`` (n, 2) px of the cut: r (c + d r²) from the axis and (u, v);
+    1 is half the cut's diagonal."""
     h, w = picture(550, 25).shape
-    away = at - np.array(AXIS)
-    return np.asarray(away * (c + d * (away**2).sum(axis=1, keepdims=True) / ((w / 2) ** 2 + (h / 2) ** 2)))
+    unit = np.hypot(w / 2, h / 2)
+    away = (at - np.array(AXIS)) / unit
+    c, d, u, v = (numbers.get(colour + which, 0.0) for which in ("", "3", "_u", "_v"))
+    return np.asarray(unit * (away * (c + d * (away**2).sum(axis=1, keepdims=True)) + np.array([u, v])))
 
 
 def reference(discs: Discs) -> dict[str, Apart]:
@@ -95,7 +97,7 @@ def reference(discs: Discs) -> dict[str, Apart]:
             [
                 centroids(picture(nm, ms), colour, discs.near, px)
                 for ms in sorted({s[colour] for s in SHUTTERS})
-                if picture(nm, ms).max() < 255 or colour == "green"
+                if picture(nm, ms).max() < 255
             ],
             axis=0,
         )
@@ -111,7 +113,7 @@ def filters(out: Path, sizes: Sequence[int], drawn_to: Path | None) -> None:
     there = reference(discs)
     for colour, a in there.items():
         c, sigma = a.magnification
-        mean, own = a.shift.mean(axis=0), np.sqrt(np.mean(a.left(c, 0.0) ** 2))
+        mean, own = a.shift.mean(axis=0), np.sqrt(np.mean(a.left({colour: c}, colour) ** 2))
         print(
             f"  {COLOURS[colour]} nm: discs ({mean[0]:+.3f}, {mean[1]:+.3f}) px from those under 550 nm; about the "
             f"axis {c:+.5f} ± {sigma:.5f}, which leaves ({a.aside[0]:+.3f}, {a.aside[1]:+.3f}) px, "
@@ -134,8 +136,7 @@ def compared(known: dict[str, float], told: dict[str, Any], there: dict[str, Apa
         sigma = f" ± {told[name]['sigma']:.5f}" if name in told else ", not found here"
         print(f"  {name} {known[name]:+.5f}{sigma}")
     for colour, a in there.items():
-        c, d = known[colour], known[f"{colour}3"]
-        mean, off = shifted(a.at, c, d).mean(axis=0), a.left(c, d)
+        mean, off = shifted(a.at, known, colour).mean(axis=0), a.left(known, colour)
         print(
             f"  {colour}: discs moved by ({mean[0]:+.3f}, {mean[1]:+.3f}) px in the mean; of the shifts seen, "
             f"{np.sqrt(np.mean(a.shift**2)):.3f} px rms an axis, {np.sqrt(np.mean(off**2)):.3f} are left, "
@@ -168,8 +169,9 @@ def of_size(folder: Path, size: int, discs: Discs, known: dict[str, float]) -> d
         name = "_".join(f"{COLOURS[c]}nm{ms:04d}ms" for c, ms in shutter.items()) + ".exr"
         exr.write(folder / name, Image(image))
         entries.append({"image": name, "camera": "/World/Camera", "time": n, "exposure": 1.0})
-    tolerances = {"registration_px": 0.1 / size, "light_intensity": 0.03, "light_position_mm": 30, "flat_field": 0.01,
-                  "black_level_dn": STEP, "albedo": 0.05, "object_pose_mm": 0.01}  # fmt: skip
+    registration = discs.off / np.sqrt(len(discs.centres)) / size  # the pose is a mean over the discs
+    tolerances = {"registration_px": round(registration, 4), "light_intensity": 0.03, "light_position_mm": 30,
+                  "flat_field": 0.01, "black_level_dn": STEP, "albedo": 0.05, "object_pose_mm": 0.01}  # fmt: skip
     written(folder, [scene(s) for s in SHUTTERS], entries, tolerances, [entries[HELD]["image"]])
     return diagnosed(folder)
 
@@ -239,7 +241,7 @@ def drawn(
     grid = np.stack([column, row], -1).reshape(-1, 2).astype(float)
     back = seen.copy()
     for k, colour in ((0, "red"), (2, "blue")):
-        to = (grid + shifted(grid, known[colour], known[f"{colour}3"])).reshape(h, w, 2).astype(np.float32)
+        to = (grid + shifted(grid, known, colour)).reshape(h, w, 2).astype(np.float32)
         back[..., k] = cv2.remap(
             np.ascontiguousarray(seen[..., k], np.float32), to[..., 0], to[..., 1], cv2.INTER_CUBIC
         )
@@ -255,7 +257,7 @@ def drawn(
         ax.set_axis_off()
     ax = axes[2]
     for colour, a in there.items():
-        told = shifted(a.at, known[colour], known[f"{colour}3"])
+        told = shifted(a.at, known, colour)
         style = {"angles": "xy", "scale_units": "xy", "scale": 1 / 20}
         ax.quiver(*a.at.T, *a.shift.T, color=colour, alpha=0.4, width=0.006, **style)
         ax.quiver(*a.at.T, *told.T, color="black", width=0.003, **style)

@@ -53,7 +53,7 @@ class Lens:
             raise ParameterError(str(error)) from None
         if self.model is LensModel.FISHEYE and self.projection is not Projection.PERSPECTIVE:
             raise ParameterError(f"A fisheye lens must be perspective; got {self.projection}.")
-        freeze_numbers(self, vignetting=2, lateral_chromatic_aberration=4, axial_chromatic_aberration=3)
+        freeze_numbers(self, vignetting=2, lateral_chromatic_aberration=8, axial_chromatic_aberration=3)
         freeze_numbers(self, veiling_glare=4, field_blur=4, measured_blur=None)
         object.__setattr__(self, "diffraction", bool(self.diffraction))
 

@@ -216,15 +216,17 @@ def magnified(
     centre: np.ndarray,
     per_r2: np.ndarray,
     unit: float,
+    aside: np.ndarray,
     pad: int,
 ) -> None:
-    """out(p) = plane(p + (p - centre) m(q)),   m = Σ_k per_r2[k] q^k,   q = |p - centre|² / unit²
+    """out(p) = plane(p - aside + (p - centre) m(q)),   m = Σ_k per_r2[k] q^k,   q = |p - centre|² / unit²
 
     by Lagrange's cubic through 4 x 4 pixels. ``pad`` must be 2 px more than the largest shift.
     """
     width = plane.shape[1] - 2 * pad
     cx, scale = np.float32(centre[0]), np.float32(1 / unit**2)
     m = per_r2.astype(np.float32)
+    aside_x, aside_y = np.float32(aside[0]), np.float32(aside[1])
     whole_x, whole_y = np.empty(width, np.int32), np.empty(width, np.int32)
     tx, ty, q, s = aligned(width), aligned(width), aligned(width), aligned(width)
     for i in range(out.shape[0]):
@@ -239,12 +241,12 @@ def magnified(
             for x in range(width):
                 s[x] = s[x] * q[x] + c
         for x in range(width):
-            a = (np.float32(x) - cx) * s[x]
+            a = (np.float32(x) - cx) * s[x] - aside_x
             f = np.floor(a)
             whole_x[x] = np.int32(f)
             tx[x] = a - f
         for x in range(width):
-            b = dy * s[x]
+            b = dy * s[x] - aside_y
             f = np.floor(b)
             whole_y[x] = np.int32(f)
             ty[x] = b - f

@@ -1,8 +1,9 @@
-"""Red and blue are imaged larger or smaller than green.
+"""Red and blue are imaged larger or smaller than green, and aside of it.
 
-    r_red = r (1 + red + red3 r²),   r_blue = r (1 + blue + blue3 r²)
+    p_red = p (1 + red + red3 r²) + (red_u, red_v),   p_blue = p (1 + blue + blue3 r²) + (blue_u, blue_v)
 
-about the principal point; r = 1 is half the image's diagonal. Green, the second channel, stays.
+from the principal point, r = |p|; 1 is half the image's diagonal. Green, the second channel, stays. An element that
+stands aside of the lens's axis, a filter that is a wedge and a prism that splits colours move a channel as a whole.
 """
 
 from dataclasses import dataclass, replace
@@ -36,12 +37,20 @@ class LateralChromaticAberration(Effect):
         blue="lens.lateral_chromatic_aberration.1",
         red3="lens.lateral_chromatic_aberration.2",
         blue3="lens.lateral_chromatic_aberration.3",
+        red_u="lens.lateral_chromatic_aberration.4",
+        red_v="lens.lateral_chromatic_aberration.5",
+        blue_u="lens.lateral_chromatic_aberration.6",
+        blue_v="lens.lateral_chromatic_aberration.7",
     )
 
     red: float = parameter(0.0, "c_R", "1", -0.05, 0.05, "red's magnification over green's, less 1")
     blue: float = parameter(0.0, "c_B", "1", -0.05, 0.05, "blue's magnification over green's, less 1")
     red3: float = parameter(0.0, "d_R", "1", -0.05, 0.05, "what is added to red's at the image corner")
     blue3: float = parameter(0.0, "d_B", "1", -0.05, 0.05, "what is added to blue's at the image corner")
+    red_u: float = parameter(0.0, "u_R", "1", -0.05, 0.05, "how far red lies to the right of green")
+    red_v: float = parameter(0.0, "v_R", "1", -0.05, 0.05, "how far red lies below green")
+    blue_u: float = parameter(0.0, "u_B", "1", -0.05, 0.05, "how far blue lies to the right of green")
+    blue_v: float = parameter(0.0, "v_B", "1", -0.05, 0.05, "how far blue lies below green")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         step = self.local(image, camera)
@@ -54,14 +63,19 @@ class LateralChromaticAberration(Effect):
         width, height = camera.sensor.resolution
         K, unit = camera.K, float(np.hypot(width / 2, height / 2))
         centre = np.array([K[0, 2], K[1, 2]])
-        farthest = float(np.hypot(*np.maximum(centre, np.array([width - 1, height - 1]) - centre)))
+        ends = np.array([width - 1, height - 1])
         functions: list[Function | None] = [None, None, None]
         reach = 0
-        for channel, c, d in ((0, self.red, self.red3), (2, self.blue, self.blue3)):
-            if c or d:
-                per_r2, shift = _shift(c, d, farthest, unit)
-                functions[channel] = partial(_magnified, centre, per_r2, unit)
-                reach = max(reach, int(np.ceil(shift)) + 3)
+        for channel, c, d, u, v in (
+            (0, self.red, self.red3, self.red_u, self.red_v),
+            (2, self.blue, self.blue3, self.blue_u, self.blue_v),
+        ):
+            if c or d or u or v:
+                aside = unit * np.array([u, v])
+                middle = centre + aside
+                per_r2, shift = _shift(c, d, float(np.hypot(*np.maximum(middle, ends - middle))), unit)
+                functions[channel] = partial(_magnified, middle, per_r2, unit, aside)
+                reach = max(reach, int(np.ceil(shift + np.hypot(*aside))) + 3)
         return Local(reach, reach, tuple(functions))
 
 
@@ -69,6 +83,7 @@ def _magnified(
     centre: np.ndarray,
     per_r2: np.ndarray,
     unit: float,
+    aside: np.ndarray,
     plane: np.ndarray,
     low: int,
     height: int,
@@ -78,7 +93,7 @@ def _magnified(
 ) -> None:
     from interchange import plane_kernels  # Numba comes with it
 
-    plane_kernels.magnified(plane, low, height, out, start, centre, per_r2, unit, pad)
+    plane_kernels.magnified(plane, low, height, out, start, centre, per_r2, unit, aside, pad)
 
 
 def source(c: float, d: float, there: np.ndarray) -> np.ndarray:

@@ -68,24 +68,26 @@ def test_a_magnification_and_what_it_leaves_are_told_apart():
     c, sigma = found.magnification
     assert abs(c - 2.5e-3) < 5 * sigma
     assert found.aside == pytest.approx(aside, abs=0.05)
-    only = real_gap_filters.Apart(at, real_gap_filters.shifted(at, 1e-3, 2e-4))
-    assert only.left(1e-3, 2e-4) == pytest.approx(0, abs=1e-12)
+    numbers = {"blue": 1e-3, "blue3": 2e-4, "blue_u": -1e-3, "red": 0.3}
+    only = real_gap_filters.Apart(at, real_gap_filters.shifted(at, numbers, "blue"))
+    assert only.left(numbers, "blue") == pytest.approx(0, abs=1e-12)
 
 
 def test_shifts_are_those_that_the_effect_gives():
     """A Gaussian spot that red's magnification moves: its middle by what is told, to 0.01 px of the effect's own shift
     by cubic interpolation."""
-    effect = LateralChromaticAberration(red=2.6e-3, blue=-1.4e-3, red3=1e-4, blue3=-5e-5)
+    numbers = {"red": 2.6e-3, "blue": -1.4e-3, "red3": 1e-4, "blue3": -5e-5, "red_u": 1e-3, "blue_v": 2e-3}
+    effect = LateralChromaticAberration(**numbers)
     camera = replace(camera_of(SIZE), principal_point=flea3_discs.AXIS)
     column, row = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     for u, v in ((60.3, 70.8), (340.1, 290.6)):
         spot = np.exp(-((column - u) ** 2 + (row - v) ** 2) / (2 * 3.0**2))
         image = Image(np.repeat(spot[..., None], 3, axis=2).astype(np.float32), Quantity.IRRADIANCE, camera)
         moved = effect.apply(image, camera, None).pixels
-        for k, (c, d) in ((0, (2.6e-3, 1e-4)), (2, (-1.4e-3, -5e-5))):
+        for k, colour in ((0, "red"), (2, "blue")):
             w = moved[..., k] / moved[..., k].sum()
             shift = np.array([(w * column).sum() - u, (w * row).sum() - v])
-            told = real_gap_filters.shifted(np.array([[u, v]]), c, d)[0]
+            told = real_gap_filters.shifted(np.array([[u, v]]), numbers, colour)[0]
             assert shift == pytest.approx(told, abs=0.01)
 
 

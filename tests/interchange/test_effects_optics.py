@@ -70,14 +70,21 @@ def test_natural_vignetting_is_cos_to_the_fourth():
 
 def test_red_and_blue_are_imaged_larger_and_smaller():
     """Centroids of spots, which their own magnification moves by some 0.008 px (9 px² times its gradient)."""
-    effect = LateralChromaticAberration(red=0.02, blue=-0.015, red3=0.01, blue3=0.005)
+    effect = LateralChromaticAberration(
+        red=0.02, blue=-0.015, red3=0.01, blue3=0.005, red_u=0.02, red_v=-0.03, blue_u=-0.01
+    )
+    unit = np.hypot(101, 81) / 2
     for place in ((80.0, 60.0), (20.0, 40.0), (50.0, 65.0)):
         out = effect.apply(blobs([place]), CAMERA, None).pixels
         d = np.array(place) - (50, 40)
         r2 = (d @ d) / ((101**2 + 81**2) / 4)
-        for channel, c, c3 in ((0, 0.02, 0.01), (1, 0, 0), (2, -0.015, 0.005)):
+        for channel, c, c3, aside in (
+            (0, 0.02, 0.01, (0.02, -0.03)), (1, 0, 0, (0, 0)), (2, -0.015, 0.005, (-0.01, 0))
+        ):  # fmt: skip
             centroid, _ = moments(out[..., channel])
-            assert centroid == pytest.approx((50, 40) + d * (1 + c + c3 * r2), abs=0.01)
+            assert centroid == pytest.approx(
+                (50, 40) + d * (1 + c + c3 * r2) + unit * np.array(aside), abs=0.01
+            )
 
 
 @pytest.mark.parametrize("diameter", [0.3, 1.7, 2.9, 3.0, 3.5, 6.5, 20.0])
