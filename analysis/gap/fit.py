@@ -28,6 +28,7 @@ from interchange.captures import Tolerances
 Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 
 STARTS = 4
+SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -105,12 +106,15 @@ def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
     evidence = Evidence(total_of(parts), terms)
     best = stand.best
     theta = evidence.theta(best)
-    after = Model(tuple(terms), theta, stand.at, knots)
     cause = np.zeros(q, bool)
     for c in best.causes:
         cause[evidence.members[c]] = True
-    moves = np.array([t.kind == "flow" for t in terms])
-    before = Model(tuple(terms), np.where(cause, 0.0, theta), np.where(moves & ~cause, stand.at, 0.0), knots)
+    slight = ~cause & (np.abs(theta - stand.at) * evidence.share < SLIGHT)
+    theta = np.where(slight, stand.at, theta)
+    after = before = Model(tuple(terms), theta, stand.at, knots)
+    if best.causes:
+        still = np.where([t.kind == "flow" for t in terms] & ~cause, stand.at, 0.0)
+        before = Model(tuple(terms), np.where(cause, 0.0, theta), still, knots)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts)
 

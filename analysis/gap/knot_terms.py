@@ -274,12 +274,12 @@ def rendered(
                 further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
             try:
                 more = _more(here, cause, target, parameter, further)
-                there = knots.change(home, more).radiance(weights, size)
-                return _dn(s, there - knots.change(home, here).radiance(weights, size), further)
+                there = knots.step(home, more).radiance(weights, size)
+                return _dn(s, there - knots.step(home, here).radiance(weights, size), further)
             except BrightfieldError:  # at the end of what it may be: what it does at home has to do
                 pass
         drawn = home.origin or home
-        radiance = knots.change(drawn, once).radiance(weights, drawn.camera.sensor.resolution)
+        radiance = knots.step(drawn, once).radiance(weights, drawn.camera.sensor.resolution)
         out = _dn(s, means(radiance, home.coarse), step)
         if material:
             names = s.shown.scene.material_names

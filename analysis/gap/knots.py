@@ -27,6 +27,7 @@ from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
 
 LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
+SENSITIVE = 60_000  # the same, of what tells a sensitivity alone, which one pixel in some is looked at
 SPOTS, MANY, SOFT = (
     8,
     16,
@@ -76,23 +77,27 @@ class Knots:
         self.rendered = 0  # images drawn so far
         self._rasterizer: Rasterizer | None = None
         self._scenes: dict[int, Scene] = {}  # which live as long as their ids are used
-        self._changes: dict[tuple[int, tuple[int, int], Changes, float], Change] = {}
+        self._changes: dict[tuple[int, tuple[int, int], Changes, float, int], Change] = {}
         self._base: dict[tuple[int, int, str], dict[str, np.ndarray]] = {}
 
     def change(self, shown: Rendered, effects: Changes) -> Change:
         """What ``effects``, one after the other, add to what was ``shown``. Raises BrightfieldError, ParameterError."""
-        return self._kept(shown, effects, 0.0)
+        return self._kept(shown, effects, 0.0, LARGEST)
+
+    def step(self, shown: Rendered, effects: Changes) -> Change:
+        """The same, as fine as a sensitivity needs it."""
+        return self._kept(shown, effects, 0.0, SENSITIVE)
 
     def standing_off(self, shown: Rendered, offset: float) -> Change:
         """What it adds that shadows are cast on points ``offset`` m above the surfaces."""
-        return self._kept(shown, (), offset)
+        return self._kept(shown, (), offset, SENSITIVE)
 
-    def _kept(self, shown: Rendered, effects: Changes, offset: float) -> Change:
-        key = (id(shown.scene), shown.camera.sensor.resolution, effects, offset)
+    def _kept(self, shown: Rendered, effects: Changes, offset: float, most: int) -> Change:
+        key = (id(shown.scene), shown.camera.sensor.resolution, effects, offset, most)
         if key not in self._changes:
             self._scenes[id(shown.scene)] = shown.scene
             after = changed(shown.scene, effects)
-            self._changes[key] = self._between(shown, after, effects, offset)
+            self._changes[key] = self._between(shown, after, effects, offset, most)
         return self._changes[key]
 
     def close(self) -> None:
@@ -107,11 +112,13 @@ class Knots:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _between(self, shown: Rendered, after: Scene, effects: Changes, offset: float) -> Change:
-        camera = _small(shown.camera)
+    def _between(
+        self, shown: Rendered, after: Scene, effects: Changes, offset: float, most: int
+    ) -> Change:
+        camera = _small(shown.camera, most)
         width, height = camera.sensor.resolution
         spots = MANY if offset else max((_spots(effect) for effect, _ in effects), default=SPOTS)
-        spots = round(spots * float(np.clip(LARGEST / (width * height), 1, 2)))
+        spots = round(spots * float(np.clip(most / (width * height), 1, 2)))
         before, after = _lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
         both = (before.bodies, before.lights, after.bodies, after.lights)
         name = fingerprint((*both, camera, spots, *([offset] if offset else [])))
@@ -165,9 +172,9 @@ def _lit_by(effects: Changes, before: Scene, after: Scene) -> tuple[Scene, Scene
     return lit(before), lit(after)
 
 
-def _small(camera: Camera) -> Camera:
+def _small(camera: Camera, most: int) -> Camera:
     width, height = camera.sensor.resolution
-    share = min(1.0, float(np.sqrt(LARGEST / (width * height))))
+    share = min(1.0, float(np.sqrt(most / (width * height))))
     return replace(camera.resized(max(1, round(width * share))) if share < 1 else camera, t_exp=1.0)
 
 

@@ -71,10 +71,17 @@ class Model:
                 total += x * np.stack(found, axis=-1)
         return total
 
-    def simulated(self, condition: Condition, stride: int = 1) -> np.ndarray:
-        """(H, W, C): expected DN of a condition with every correction, on every ``stride``-th pixel."""
-        state = self.state(condition, stride)
-        return state.take(state.simulation.dn) + added(state, self.terms, self.theta - self.at)
+    def simulated(self, condition: Condition) -> np.ndarray:
+        """(H, W, C): expected DN of a condition with every correction; the same array whenever it is asked for."""
+        if id(condition) not in self._simulated:
+            state = self.state(condition)
+            dn = state.simulation.dn + added(state, self.terms, self.theta - self.at)
+            self._simulated[id(condition)] = condition, dn
+        return self._simulated[id(condition)][1]
+
+    @cached_property
+    def _simulated(self) -> dict[int, tuple[Condition, np.ndarray]]:
+        return {}
 
     def without(self, index: np.ndarray) -> "Model":
         theta, at = self.theta.copy(), self.at.copy()
