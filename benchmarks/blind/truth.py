@@ -201,6 +201,7 @@ def capture(
     gain = 1 + (noise["gain error"].amplitude if "gain error" in noise else 0.0)
     # the same mean from fewer electrons, each worth more
     electrons = rng.poisson(np.maximum(e / gain, 0)) * gain + read * rng.standard_normal(e.shape)
+    electrons += np.minimum(e, 0)  # an offset may take more than light gives
     dn = s.K * np.minimum(electrons, s.full_well)
     steps = [c for c in causes if c.form == "steps"]
     if steps:
