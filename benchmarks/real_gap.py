@@ -2,7 +2,7 @@
 
     python benchmarks/real_gap.py chessboard --out DIR [--sizes 8 4 2 1] [--picture docs/real_gap_chessboard.png]
     python benchmarks/real_gap.py sensor --out DIR [--lamps 1] [--picture docs/real_gap_sensor.png]
-    python benchmarks/real_gap.py flea3-filters --out DIR [--sizes 2 1] [--picture docs/real_gap_flea3.png]
+    python benchmarks/real_gap.py flea3-filters --out DIR [--sizes 4 2 1] [--picture docs/real_gap_flea3.png]
     python benchmarks/real_gap.py flea3-exposures --out DIR [--dark] [--picture docs/real_gap_flea3_exposures.png]
 
 ``chessboard``: photographs of a board (assets/calibration) against a camera without distortion at the poses of an

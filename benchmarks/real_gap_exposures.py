@@ -149,7 +149,7 @@ def drawn(found: dict[str, Any], series: Series) -> Figure:
     if "saturation" in told:
         full = told["saturation"]["full_well"]["value"] * 255 / FULL_WELL
         left.loglog(ms, np.minimum(ideal, full), "g--", label=f"diagnosis: full well at {full:.1f} DN")
-    left.set(xlabel="shutter time, ms", ylabel="DN")
+    left.set(xlabel="shutter time, ms", ylabel="DN", title="discs under 550 nm")
     left.legend()
     hot = np.array([series.grown(t) for t in SHUTTERS])
     right.loglog(ms, np.maximum(hot, 0.1), "o-", ms=3, lw=0.8)
