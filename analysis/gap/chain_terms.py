@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from analysis.gap.conditions import Condition
 from analysis.gap.state import State
-from analysis.gap.terms import Term
+from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
 from interchange.parameter import Parameter, ParameterError, parameters
@@ -41,9 +42,13 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                 continue
             own = model.of(state.camera)
             start = float(getattr(own, parameter))
-            step = _step(start, about)
-            change = [_changed(state, own, parameter, start + k * step, base) for k in (1, 2)]
-            if change[0] is None or change[1] is None or change[0] < SEEN * signal:
+            step, change = 0.0, [0.0, 0.0]
+            for step in _steps(start, about):
+                found_there = [_changed(state, own, parameter, start + k * step, base) for k in (1, 2)]
+                change = [x or 0.0 for x in found_there]
+                if min(change) >= SEEN * signal:
+                    break
+            else:
                 continue
             power = 2 if change[1] > 3 * change[0] else 1
             larger = step * (TYPICAL * signal / change[0]) ** (1 / power)
@@ -74,6 +79,17 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     return terms
 
 
+def black_levels(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """How far each camera's black level may be off by itself, where there are several: no cause."""
+    names = list(dict.fromkeys(c.camera.name for c in conditions))
+
+    def own(name: str) -> Field:
+        return lambda s: np.ones_like(s.signal) if s.camera.name == name else None
+
+    spike = tolerances.black_level_dn
+    return [Term(NUISANCE, n, "black level", "DN", spike, own(n)) for n in names if len(names) > 1]
+
+
 def _across(down: Term, model: type[Effect]) -> Term:
     """The product of both ways of a motion, whose squares do not tell a path to the lower right from one to the lower
     left: what the path with the other sign does less, the change of the squares taken out."""
@@ -99,9 +115,10 @@ def signed(values: dict[str, float]) -> dict[str, float]:
     return {**out, "v": -out["v"]} if product < 0 and "v" in out else out
 
 
-def _step(start: float, about: Parameter) -> float:
-    span = min(about.high - about.low, 500.0)
-    return RELATIVE_STEP * abs(start) if start else STEP * span
+def _steps(start: float, about: Parameter) -> list[float]:
+    """What is tried, until it shows: a part of what the camera has, and a part of what there may be."""
+    span = STEP * min(about.high - about.low, 500.0)
+    return [RELATIVE_STEP * abs(start), span] if start else [span]
 
 
 def _changed(state: State, own: Effect, parameter: str, value: float, base: np.ndarray) -> float | None:

@@ -68,6 +68,11 @@ class Condition:
         """(H, W) bool: pixels that the scene file's own simulation lets compare."""
         return self.usable(self.simulated())
 
+    @cached_property
+    def above_zero(self) -> np.ndarray:
+        """(H, W) bool: DN above 0 in every repeat; what is cut there has lost a part of its noise."""
+        return np.asarray(np.all([c.pixels.min(axis=2) > 0 for c in self.captures], axis=0))
+
     def usable(self, simulation: Expected) -> np.ndarray:
         """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""
         import cv2

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.gap.chain_terms import chain_terms
+from analysis.gap.chain_terms import black_levels, chain_terms
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
@@ -167,6 +167,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
             else [*moved_objects(conditions, tolerances), *shaded(conditions, tolerances)]
         ),
         *chain_terms(State(bright), tolerances),
+        *black_levels(conditions, tolerances),
         *generic_terms(conditions, tolerances),
     ]
 

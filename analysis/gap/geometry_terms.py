@@ -74,8 +74,7 @@ def _projected(state: State, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _pose(name: str, condition: Condition, px: float) -> list[Term]:
     depth = condition.shown.passes["depth"]
     z = float(np.median(depth[np.isfinite(depth)])) if np.isfinite(depth).any() else 1.0
-    K = condition.camera.K
-    f = K[0, 0]
+    f = condition.camera.K[0, 0]
     near = f if condition.camera.lens.projection is Projection.ORTHOGRAPHIC else f / z
     terms = []
     for axis in range(3):
@@ -91,7 +90,7 @@ def _pose(name: str, condition: Condition, px: float) -> list[Term]:
         def turn(s: State, unit: np.ndarray = unit) -> tuple[np.ndarray, np.ndarray] | None:
             return _projected(s, 1e-3 * np.cross(unit, s.in_camera)) if stand(s.condition) == name else None
 
-        reach = np.hypot(*condition.camera.sensor.resolution) / 2 / f if axis == 2 else 1.0
+        reach = _farthest(condition) if axis == 2 else 1.0
         tau = px / (1e-3 * near * (reach if axis == 2 else 1.0)) / np.sqrt(3)
         omega = px / (1e-3 * f * reach) / np.sqrt(3)
         terms.append(moving("camera_pose", name, f"t{'xyz'[axis]}", "mm", tau, shift))
@@ -122,9 +121,15 @@ def _parallax(name: str, depth: np.ndarray, z: float, f: float, px: float) -> li
     return terms
 
 
+def _farthest(condition: Condition) -> float:
+    """Of the image's corners, from the axis, which need not pass through its middle; over the focal length."""
+    K, sizes = condition.camera.K, condition.camera.sensor.resolution
+    away = [max(K[k, 2] + 0.5, n - K[k, 2] - 0.5) / K[k, k] for k, n in enumerate(sizes)]
+    return float(np.hypot(*away))
+
+
 def _lens(condition: Condition, px: float) -> list[Term]:
-    K, (w, h) = condition.camera.K, condition.camera.sensor.resolution
-    corner = float(np.hypot(w / 2 / K[0, 0], h / 2 / K[1, 1]))
+    K, corner = condition.camera.K, _farthest(condition)
 
     def flow(number: int) -> Flow:
         def moved(s: State) -> tuple[np.ndarray, np.ndarray]:

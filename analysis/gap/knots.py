@@ -112,9 +112,7 @@ class Knots:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _between(
-        self, shown: Rendered, after: Scene, effects: Changes, offset: float, most: int
-    ) -> Change:
+    def _between(self, shown: Rendered, after: Scene, effects: Changes, offset: float, most: int) -> Change:
         camera = _small(shown.camera, most)
         width, height = camera.sensor.resolution
         spots = MANY if offset else max((_spots(effect) for effect, _ in effects), default=SPOTS)

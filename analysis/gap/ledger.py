@@ -47,7 +47,7 @@ def temporal_scale(conditions: Sequence[Condition]) -> float | None:
     measured, modelled = 0.0, 0.0
     for c in conditions:
         if c.spread is not None:
-            ok = c.usable(c.simulated())
+            ok = c.usable(c.simulated()) & c.above_zero
             dof = len(c.captures) - 1
             measured += dof * float(c.spread[ok].sum())
             modelled += dof * float(noise_variance(c.mean[ok], c.camera)[0].sum())

@@ -91,7 +91,7 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
     """Mean K² e s² and K² s² of pixels of like brightness, their measured variance less the converter's, and how many
     degrees of freedom it has."""
     assert c.spread is not None
-    ok = c.usable(c.simulated())
+    ok = c.usable(c.simulated()) & c.above_zero
     if not ok.any():
         return []
     light, still = per_electron(c.mean[ok], c.camera)

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.chain_terms import PRODUCT, chain_terms, effects_at, signed
+from analysis.gap.chain_terms import PRODUCT, black_levels, chain_terms, effects_at, signed
 from analysis.gap.conditions import Condition
+from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
-from analysis.gap.terms import Term
+from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Tolerances
 from interchange.effects.motion_blur import MotionBlur
@@ -77,3 +78,33 @@ def test_glare_is_told_by_what_goes_far_and_what_stays_near(condition: Condition
     assert [t.parameter for t in terms] == ["g", "halo", "lost"]
     theta = fitted(terms, condition, VeilingGlare(0.02, 0.03, 0.0, 0.01), {})
     assert theta == pytest.approx({"g": 0.02, "halo": 0.03, "lost": 0.01}, rel=1e-3)
+
+
+def test_a_number_that_is_almost_nothing_has_a_term_too(condition: Condition) -> None:
+    """A step of a hundredth of it would not show."""
+    lens = replace(condition.camera.lens, vignetting=(-1e-7, 0.0))
+    camera = replace(condition.camera, lens=lens)
+    terms = chain_terms(State(replace(condition, camera=camera)), Tolerances())
+    (slope,) = (t for t in terms if t.parameter == "a2")
+    assert slope.start == -1e-7
+
+
+def test_each_of_several_cameras_has_a_black_level_of_its_own(condition: Condition) -> None:
+    other = replace(condition, camera=replace(condition.camera, name="/other"))
+    terms = black_levels([condition, other], Tolerances())
+    assert [(t.cause, t.target, t.spike) for t in terms] == [(NUISANCE, n, 1.0) for n in ("/eye", "/other")]
+    assert terms[0].field(State(other)) is None
+    assert np.asarray(terms[1].field(State(other))).min() == 1
+    assert black_levels([condition], Tolerances()) == []
+
+
+def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition) -> None:
+    """A tolerance's worth of k1 moves the farthest corner by the declared px, wherever the axis is."""
+    passes = {"depth": np.ones(SIZE[::-1])}
+    there = replace(condition, rendered=replace(condition.shown, passes=passes))
+    for center in ((47.5, 35.5), (-200.0, 35.5)):
+        off = replace(there, camera=replace(there.camera, principal_point=center))
+        (k1,) = (t for t in geometry_terms([off], Tolerances()) if t.parameter == "k1")
+        assert k1.flow is not None
+        moved = np.hypot(*k1.flow(State(off)))
+        assert k1.spike * moved.max() == pytest.approx(0.05, rel=0.05)  # the corner pixel's middle
