@@ -16,6 +16,7 @@ from interchange.lamps.exposed import exposed
 from interchange.problems import BrightfieldError, FileError, Problem
 from interchange.scene import Scene
 
+CUT = 3.0  # standard deviations of noise that lie above DN 0
 HELD_OUT_SHARE = 4  # one condition in so many is held out
 
 
@@ -70,8 +71,9 @@ class Condition:
 
     @cached_property
     def above_zero(self) -> np.ndarray:
-        """(H, W) bool: DN above 0 in every repeat; what is cut there has lost a part of its noise."""
-        return np.asarray(np.all([c.pixels.min(axis=2) > 0 for c in self.captures], axis=0))
+        """(H, W) bool: so far above DN 0 that no noise is cut off there."""
+        noise = np.sqrt(self.simulated().temporal)
+        return np.asarray((self.mean > CUT * noise).all(axis=2))
 
     def usable(self, simulation: Expected) -> np.ndarray:
         """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""

@@ -89,6 +89,14 @@ def test_gain_and_read_noise_lie_within_their_intervals() -> None:
     assert np.abs(np.mean(z, axis=0)).max() < 3 / np.sqrt(12)
 
 
+def test_what_is_cut_at_zero_tells_nothing_of_noise() -> None:
+    """A sensor whose dark value is 0, its read noise 10 DN: where it shows next to no light, half of it is cut off."""
+    sheet = replace(SHEET, black_level=0.0, read_noise=25.0)
+    for power in (1.0, 0.02):
+        for told in noise_findings(*_rig(1, sheet=sheet, power=power)):
+            assert told.name != "sensor_noise" or told.probability < 0.05, (power, told)
+
+
 def test_noise_counts_from_the_black_level_that_was_found() -> None:
     """20 DN above the data sheet's 64, which would pass for 50 e- of light, more than σ_d²; 3 of its own
     σ."""
