@@ -163,7 +163,11 @@ class ShadowMaps:
         for i, spare in enumerate(self._spare):
             if spare.texture.size == size:
                 return self._spare.pop(i)
-        self.forget_spares()
+        unused = sum(spare.bytes for spare in self._spare)
+        while self._spare and self._bytes + unused > BUDGET:
+            oldest = self._spare.pop(0)
+            unused -= oldest.bytes
+            oldest.release()
         texture = depth_texture(self.context, size)
         return _Map(texture, self.context.framebuffer(depth_attachment=texture))
 
