@@ -23,7 +23,7 @@ class CyclesSettings:
     lamp_grid: int = parameter(2, "g", "1", 1, 4, "g² shadow rays to a lamp with extent at the first surface")
     denoise: int = parameter(0, "d", "1", 0, 1, "1: reflected light is denoised, which biases it locally")
     direct_samples: int = parameter(
-        0, "N_d", "1", 0, 2**20, "where reflected light is denoised: samples of direct light; 0: as many, at least 16"
+        0, "N_d", "1", 0, 2**20, "where denoised: samples of direct light; 0: as many, at least 16"
     )
     threads: int = parameter(0, "t", "1", 0, 1024, "processor threads; 0 takes all")
     tile: int = parameter(2048, "p", "px", 8, 65536, "edge of the tiles in which a large image is made")
