@@ -103,6 +103,7 @@ def _capture_options(p: argparse.ArgumentParser) -> None:
 
 
 def _capture(args: argparse.Namespace) -> dict[str, Any]:
+    from analysis.gap.radiance import Paths
     from analysis.gap.renderers import renderer
     from analysis.series.capture import capture
     from analysis.series.specimens import SPECIMENS
@@ -130,7 +131,7 @@ def _capture(args: argparse.Namespace) -> dict[str, Any]:
             camera,
             _lightings(args, at),
             args.out,
-            lambda scene, camera: render(scene, camera, (), False, 1),
+            lambda scene, camera: render(scene, camera, (), False, 1, Paths.ALL),
             settings,
             digital=args.dn,
             exposure=args.exposure,
