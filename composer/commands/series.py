@@ -25,9 +25,7 @@ from composer.series_files import (
 )
 from interchange.problems import BrightfieldError
 
-HELP = (
-    "illumination series: capture them, find defects, materials and normals, choose lamps, fuse to one image"
-)
+HELP = "illumination series: capture, defects, materials, normals, choice of lamps, fusion to one image"
 
 
 @dataclass(frozen=True)
