@@ -88,7 +88,8 @@ class Bodies:
         self.scales = np.zeros(
             (0, 2)
         )  # by how much each body's transform stretches lengths at least and at most
-        self.flat: list[int] = []  # bodies that lie in a plane
+        # bodies that lie in a plane: a point of it, its normal, and between which heights over it all bodies lie
+        self.planes: list[tuple[int, np.ndarray, np.ndarray, float, float]] = []
         self.shape = 0  # counts changes of what casts shadows
         self.lookup: moderngl.Texture | None = None  # by body: row and group of its material
 
@@ -133,12 +134,18 @@ class Bodies:
             for i, b in enumerate(bodies)
             if len(b.mesh.vertices) and np.ptp(self.uploads.bounds(b.mesh), axis=0).min() == 0
         ]
-        self.flat = thin if len(thin) <= MOST_FLAT else []
         self.bounds = np.stack([full[:, 0].min(0), full[:, 1].max(0)]) if len(full) else np.zeros((2, 3))
         # a coarse grid, so that the origin, and with it every rounding, stays when a body moves
         extent = np.linalg.norm(self.bounds[1] - self.bounds[0])
         pitch = 2.0 ** (np.ceil(np.log2(extent)) + 3) if extent > 0 else 1.0
         self.origin = np.round(self.bounds.mean(axis=0) / pitch) * pitch
+        corners = self.corners[np.isfinite(self.corners).all(axis=(1, 2))] - self.origin
+        self.planes = []
+        for i in thin if len(thin) <= MOST_FLAT else []:
+            own = self.corners[i] - self.origin
+            normal = np.linalg.svd(own - own.mean(axis=0))[2][2]
+            heights = (corners - own[0]) @ normal
+            self.planes.append((i, own[0], normal, float(heights.min()), float(heights.max())))
 
     def _regroup(self, bodies: tuple[Body, ...], geometries: list[Geometry]) -> None:
         members: dict[tuple[int, int, bool], list[int]] = {}
@@ -227,18 +234,14 @@ class Bodies:
         """(B,) whether a body may cast a shadow of this lamp on another, or on itself: all but those that lie in a
         plane which has every other body on the lamp's side, as a floor does."""
         found = np.isfinite(self.corners).all(axis=(1, 2))
-        corners = self.corners[found] - self.origin
         slack = 1e-9 * np.linalg.norm(self.bounds[1] - self.bounds[0])
-        for i in self.flat:
-            own = self.corners[i] - self.origin
-            normal = np.linalg.svd(own - own.mean(axis=0))[2][2]
+        for i, point, normal, low, high in self.planes:
             if sample.place is None:
                 side = -float(normal @ sample.direction)
             else:
-                side = float(normal @ (sample.place - own[0]))
+                side = float(normal @ (sample.place - point))
                 side = 0.0 if abs(side) <= sample.light.radius + slack else side
-            heights = np.sign(side) * ((corners - own[0]) @ normal)
-            found[i] = side == 0 or bool((heights < -slack).any())
+            found[i] = side == 0 or (low < -slack if side > 0 else high > slack)
         return found
 
     def outside(self, group: Group, eye: np.ndarray | None, margin: float) -> bool:

@@ -17,7 +17,7 @@ from realtime import polytope
 WIDEST = np.cos(np.radians(55))  # half-angle of a cone that one map may cover
 MARGIN = 1.1  # of a cube's faces, for lamps that have an extent
 HALVINGS = 5
-STEP = 128  # texels, of the side of a map's cropped part
+STEP = 256  # texels, of the side of a map's cropped part
 RIM = 2  # texels around what casts shadows
 WIDEST_CROPPED = 4096  # texels: a first column and row then fit into one 32-bit float
 

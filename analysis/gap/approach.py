@@ -31,10 +31,11 @@ LEAST = 4  # pixels along a side that a level has
 STEPS = 5  # of each level, at most
 TURNING = 8  # level from which on objects do not turn
 PARTS = (1.0, 0.4)  # of a step that are tried
-NEAR = 2.0  # units, times the level: a shorter step is the next level's
+LONGER = (2.0, 4.0)  # times a step, as long as they are better
+NEAR = 0.5  # units, times the level: a shorter step is the next level's
 CANDIDATES = 4  # causes that are followed: those that explain most where the scene stands as written
 FURTHEST = 15.0  # units that a number moves by at once, times the level: one and a half pixels of it
-DAMPING = 1e-3
+DAMPING = 1e-2
 SETTLED = 0.1  # of what is left: a smaller gain is the last
 
 
@@ -105,6 +106,14 @@ def _descended(search: "Search", levels: Sequence[_Level], cause: Cause, index: 
                     break
             else:
                 break
+            for more in (
+                LONGER if part == PARTS[0] else ()
+            ):  # an edge's slope is less than the way that it has to go
+                further = search.within(at + more * step, index)
+                there = _tried(search, level, further)
+                if there >= left:
+                    break
+                aim, left = further, there
             settled = now - left < SETTLED * left
             at, now = aim, left
             if settled:

@@ -57,6 +57,31 @@ def attribution(
     return Attribution(players, chi2, share)
 
 
+def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
+    """Less the effects that the held-out captures refute: those without which they are simulated better."""
+    while True:
+        after = by.chi2([fitted.after.simulated(c) for c in held])
+        named = [c for c in fitted.best.causes if c[0] in CATALOGUED]
+        left = {c: by.chi2([without(fitted, [c]).simulated(x) for x in held]) for c in named}
+        worst = min(left, key=lambda c: left[c], default=None)
+        if worst is None or left[worst] >= after:
+            return fitted
+        best = fitted.best
+        kept = [k for k, c in enumerate(best.causes) if c != worst]
+        fewer = replace(
+            best,
+            causes=tuple(best.causes[k] for k in kept),
+            slabs=tuple(best.slabs[k] for k in kept),
+        )
+        fitted = replace(
+            fitted,
+            after=without(fitted, [worst]),
+            hypotheses=(fewer, *fitted.hypotheses),
+            probability={**fitted.probability, worst: 0.0},
+            refuted=(*fitted.refuted, worst),
+        )
+
+
 def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
     """The best model with some of its causes taken out; the others stay as they were fitted."""
     out = np.array([t.candidate in causes for t in fitted.terms], bool)

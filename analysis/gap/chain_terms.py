@@ -25,6 +25,9 @@ REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other tw
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
 PRODUCT, CROSS_STEP = "u v", 0.7  # px²; px, of the step that it is told by
+SHARED = 0.7  # of a black level's tolerance, by all cameras
+DARK = "dark_current"  # of the black level
+APART = 2.0  # times, from which on exposures tell it from the level
 TYPICAL = 0.01  # rms of an effect over the signal, at which its sensitivity is taken
 
 
@@ -32,7 +35,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     """The terms that ``state``'s condition shows (linearised where the effects of the chain are the camera's own)."""
     base = state.dn(())
     signal = float(np.sqrt(np.mean((base - state.simulation.black) ** 2))) or 1.0
-    absolute = {"black_level": tolerances.black_level_dn, "exposure": tolerances.light_intensity / 5}
+    absolute = {"black_level": SHARED * tolerances.black_level_dn, "exposure": tolerances.light_intensity / 5}
     terms = []
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]
@@ -80,14 +83,30 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
 
 
 def black_levels(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """How far each camera's black level may be off by itself, where there are several: no cause."""
+    """How far each camera's black level may be off by itself: no cause. The tolerance is both
+    parts' together, what all share and what each has."""
     names = list(dict.fromkeys(c.camera.name for c in conditions))
 
     def own(name: str) -> Field:
         return lambda s: np.ones_like(s.signal) if s.camera.name == name else None
 
-    spike = tolerances.black_level_dn
-    return [Term(NUISANCE, n, "black level", "DN", spike, own(n)) for n in names if len(names) > 1]
+    spike = tolerances.black_level_dn * np.sqrt(1 - SHARED**2)
+    return [Term(NUISANCE, n, "black level", "DN", spike, own(n)) for n in names]
+
+
+def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """What a black level grows by with the exposure, where exposures tell: as far off the data sheet's, at the longest
+    of them, as the level itself may be. Below nothing there is none."""
+    longest = max(conditions, key=lambda c: c.camera.t_exp).camera
+    if longest.t_exp < APART * min(c.camera.t_exp for c in conditions):
+        return []
+
+    def field(s: State) -> np.ndarray:
+        return np.full_like(s.signal, s.camera.sensor.K * s.camera.t_exp)
+
+    spike = tolerances.black_level_dn / (longest.sensor.K * longest.t_exp)
+    sheet = longest.sensor.dark_current
+    return [Term("black_level", "", DARK, "e-/s", spike, field, low=-sheet, start=sheet)]
 
 
 def _across(down: Term, model: type[Effect]) -> Term:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.gap.chain_terms import DARK
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
@@ -94,6 +95,10 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         if n in parameters(model)
     }
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]
+    if start is not None and DARK in change.values:
+        s = camera.sensor
+        more = change.values[DARK] - start[DARK]
+        camera = replace(camera, sensor=replace(s, dark_current=max(s.dark_current + more, 0.0)))
     if change.effect == "exposure":
         factor = float(getattr(effect, "scale"))  # noqa: B009
         s = camera.sensor

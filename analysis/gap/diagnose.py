@@ -10,7 +10,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
-from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution, Cause, Told, attribution, waterfall
+from analysis.gap.attribution import (
+    CATALOGUED,
+    PRESENT,
+    Attribution,
+    Cause,
+    Told,
+    attribution,
+    confirmed,
+    waterfall,
+)
 from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
@@ -18,8 +27,9 @@ from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges, Estimate, Finding
 from analysis.gap.edges import offsets
+from analysis.gap.evidence import Evidence
 from analysis.gap.fit import Fit, fit, uncertainty
-from analysis.gap.knots import Knots, changed
+from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
@@ -28,7 +38,9 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Changes, Render, render_all
+from analysis.gap.redrawn import redrawn
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
+from analysis.gap.terms import Term
 from analysis.gap.verify import verified
 from interchange.captures import Captures
 from interchange.effects.parts import called
@@ -89,11 +101,12 @@ def diagnose(
     all_of_them = without_flat_tops(whole)  # which would be taken for a response curve
 
     def redraw(some: Sequence[Condition], standing: Changes) -> list[Condition]:
-        """With renderings of all captures' arrangements, so that these are the same whichever are asked for."""
-        views = [(changed(c.scene, standing), c.camera) for c in all_of_them]
-        there = render_all(views, render, settings, cache, lambda k, n: told("rendering anew", k / n))
-        by_name = {c.name: r for c, r in zip(all_of_them, there, strict=True)}
-        return with_renderings(some, by_name, standing)
+        bases = {id(c.shown): c.shown for c in all_of_them}
+        there = {}
+        for k, (key, base) in enumerate(bases.items()):
+            told("rendering anew", k / len(bases))
+            there[key] = redrawn(base, standing, render, settings, cache)
+        return with_renderings(some, {c.name: there[id(c.shown)] for c in all_of_them}, standing)
 
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
     with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
@@ -103,6 +116,9 @@ def diagnose(
     told("verdict", 0.0)
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0
+    fitted = _no_worse([c for c in all_of_them if not c.held_out], fitted)
+    after = [fitted.after.simulated(c) for c in held]
+    fitted = confirmed(fitted, held, yardstick(held, after, scale))
     shown = Simulations(
         tuple(c.simulated().dn for c in held),
         tuple(fitted.before.simulated(c) for c in held),
@@ -120,7 +136,9 @@ def diagnose(
     told("noise", 0.0)
     corrected = [fitted.after.simulated(c) for c in all_of_them]
     black = sum(
-        float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True) if t.cause == "black_level"
+        float(x)
+        for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
+        if (t.cause, t.parameter) == ("black_level", "black_level")
     )
     judged = noise_findings(with_black_level(whole, black), corrected)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
@@ -147,7 +165,7 @@ def diagnose(
         claim = taken.chi2.get(carried & frozenset(taken.players), shrunk.before**2)
         check = verified(scene_file, held, fitted.before, by, claim**0.5, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
-    notes = _notes(all_of_them, where, tried, left)
+    notes = [*_refuted(fitted), *_notes(all_of_them, where, tried, left)]
     if check is not None and check.sentence:
         notes.insert(0, check.sentence)
     diagnosis = Diagnosis(
@@ -165,6 +183,23 @@ def diagnose(
         smallest=detectable(fitted.evidence),
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
+
+
+def _no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
+    """With the file as written as ``before`` where that fits better than what the effects leave of calibration's
+    errors: those go with the effects."""
+    if not fitted.best.causes:
+        return fitted
+    left = np.zeros(2)
+    for c in fitted_to:
+        model = c.simulated()
+        ok, variance = c.usable(model), model.variance
+        for k, dn in enumerate((model.dn, fitted.before.simulated(c))):
+            left[k] += float(((c.mean - dn)[ok] ** 2 / variance[ok]).sum())
+    if left[1] <= left[0]:
+        return fitted
+    zero = np.zeros(len(fitted.terms))
+    return replace(fitted, before=Model(fitted.terms, zero, zero, fitted.before.knots))
 
 
 def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edges | None:
@@ -307,26 +342,33 @@ def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]
         "the surface": ("fixed to the surface", "albedo"),
         "the lamp": ("fixed to the lamp", "light_intensity"),
     }
-    to_fit = [c for c in found if not c.held_out]
-    zero = np.zeros(len(fitted.terms))
-    stride = stride_for(found)
-    total = None
-    for c in to_fit:
-        state = Model(fitted.terms, zero, zero).state(c, stride)
-        if state.usable.any():
-            part = equations(state, fitted.terms, zero)
-            total = part if total is None else total + part
+    index: dict[str, list[int]] = {}
+    own: list[Term] = []
+    for name, causes in families.items():
+        chosen = [t for t in fitted.terms if t.cause in causes]
+        index[name] = list(range(len(own), len(own) + len(chosen)))
+        own += chosen
+    zero, stride, total = np.zeros(len(own)), stride_for(found), None
+    for c, dn in zip(found, before, strict=True):
+        if not c.held_out:
+            left = replace(c, mean=c.mean - dn + c.simulated().dn)  # what is to be told apart is before's gap
+            state = Model(tuple(own), zero, zero).state(left, stride)
+            if state.usable.any():
+                part = equations(state, own, zero)
+                total = part if total is None else total + part
     assert total is not None
-    b = total.b - total.G @ fitted.before.theta
-    rr = total.rr - 2 * fitted.before.theta @ total.b + fitted.before.theta @ total.G @ fitted.before.theta
-    index = {
-        name: np.array(
-            [i for i, t in enumerate(fitted.terms) if t.cause in causes and fitted.evidence.seen[i]]
-        )
-        for name, causes in families.items()
-    }
-    fixed = fixed_to(index, total.G, b, float(rr), fitted.evidence.spike)
+    evidence = Evidence(total, own)
+    seen = {name: np.array([i for i in places if evidence.seen[i]], int) for name, places in index.items()}
+    fixed = fixed_to(seen, total.G, total.b, total.rr, evidence.spike)
     return ledger(found, before, after, fixed)
+
+
+def _refuted(fitted: Fit) -> list[str]:
+    return [
+        f"The captures that were fitted to speak for {name.replace('_', ' ')}{of}; those held out are simulated better "
+        f"without it, so it is taken back."
+        for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
+    ]
 
 
 def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dict[str, str]) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.gap.chain_terms import black_levels, chain_terms
+from analysis.gap.chain_terms import black_levels, chain_terms, dark_current
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
@@ -20,7 +20,7 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Changes
-from analysis.gap.search import Search, Stand, Start, Told, total_of
+from analysis.gap.search import Search, Stand, Told, total_of
 from analysis.gap.state import State
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
@@ -29,6 +29,7 @@ Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 
 STARTS = 4
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
+CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -44,6 +45,7 @@ class Fit:
     evidence: Evidence
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
+    refuted: tuple[Cause, ...] = ()  # by captures that were held out
 
     @property
     def best(self) -> Hypothesis:
@@ -74,29 +76,44 @@ def fit(
     search = Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
     told("registration", 0.0)
     first = search.stand(search.registered(), {}, "evidence", {})
-    stands = [first]
-    none = next(h for h in first.hypotheses if not h.causes)
-    if first.best.causes:
-        gain = first.best.score - none.score
-        moves = search.moves(first) if gain > WORTH and search.may_move(first.best) else []
-        starts = [*moves, *search.starts(first)]
-        for k, start in enumerate(starts[: STARTS - len(moves) // 2 if gain > WORTH else 1]):
-            causes = start.hypothesis.causes
-            if any(set(causes) == set(s.best.causes) for s in stands[1:]):
-                continue  # another start came here
-            stands.append(search.followed(first, start, f"fit {k + 1}", stands[1:]))
-            if start in moves and stands[-1].best.causes == causes:
-                break  # what moved is all: the other starts are of a registration that hides it
-            if any(s.best.causes == stands[-1].best.causes for s in stands[1:-1]):
-                break  # two starts came to the same
-    chosen = max(stands[1:] or stands, key=lambda s: s.best.score)
+    stands = _followed(search, first, redraw is not None) if first.best.causes else []
+    chosen = max(stands or [first], key=lambda s: s.best.score)
     far = search.far(chosen)
     if redraw is not None and far:
         search = Search(redraw(conditions, far), search.terms, knots, told)
         there = search.stand(chosen.at, {}, "evidence", {})
-        start = Start(there.best, search.start_of(there.best, there))
-        chosen = search.followed(there, start, "fit anew")
+        chosen = search.gone_on(there, "fit anew")
     return replace(_fit(search.terms, chosen, knots), redrawn=far)
+
+
+def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
+    """Where the starts of the first stand lead to, until one of them is clear, or two come to the same."""
+    none = next(h for h in first.hypotheses if not h.causes)
+    hoped = first.best.score - none.score
+
+    def clear(stand: Stand) -> bool:
+        return stand.best.score - none.score > CLEAR * hoped
+
+    moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
+    starts = [*moves, *search.starts(first)]
+    stands: list[Stand] = []
+    for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
+        causes, what = start.hypothesis.causes, f"fit {k + 1}"
+        if any(set(causes) == set(s.best.causes) for s in stands):
+            continue  # another start came here
+        if start not in moves:
+            stand = search.followed(first, start, what, stands)
+        else:  # where it is all, or nearly, other starts are of a registration that hides it
+            stand = search.followed(first, start, what, stands, 1)
+            if clear(stand) and may_redraw and search.far(stand):
+                return [*stands, stand]  # the renderer goes on from there
+            stand = search.gone_on(stand, what, stands)
+            if stand.best.causes == causes or clear(stand):
+                return [*stands, stand]
+        if any(s.best.causes == stand.best.causes for s in stands):
+            return [*stands, stand]
+        stands.append(stand)
+    return stands
 
 
 def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
@@ -168,6 +185,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         ),
         *chain_terms(State(bright), tolerances),
         *black_levels(conditions, tolerances),
+        *dark_current(conditions, tolerances),
         *generic_terms(conditions, tolerances),
     ]
 

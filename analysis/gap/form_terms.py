@@ -2,15 +2,20 @@
 
 No formula is the effect itself: a fall-off is not quite a polynomial, a blur not quite a Gaussian. What a cause
 changes, Δ, may be off by a share that varies slowly with the place in the image, the distance from its middle, the
-brightness and the channel; and at each pixel by a share of its own (``doubt``). Without this, what the formula of a
-strong effect leaves is taken for a second, weak effect.
+brightness and the channel; and at each pixel by a share of its own (``doubt``). What the chain of an image changes may
+lie a little aside and be a little wider: a blur's kernel need be neither even nor a Gaussian. Its third moment, and
+what its fourth has beyond a Gaussian's, change an image by derivatives of what its variance changes: the first times
+-m3 / (3 m2) px, the second times (m4 - 3 m2²) / (12 m2) px². Without this, what the formula of a strong effect leaves
+is taken for a second, weak effect.
 
 Kennedy, O'Hagan: Bayesian calibration of computer models. J. R. Stat. Soc. B 2001. Brynjarsdottir, O'Hagan: Learning
 about physical parameters: the importance of model discrepancy. Inverse Problems 2014.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from analysis.gap.evidence import Cause
@@ -20,23 +25,50 @@ from analysis.gap.terms import FORM, Field, Term
 SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
 OWN = 0.1  # and pixel by pixel
 
-Change = dict[str, np.ndarray]  # DN of a condition, by its name
+ASIDE = 0.1  # px that it may lie aside by, and px² that it may be wider by: a twentieth of a blur 2 px long
+DISPLACED = ("to the right of it", "below it", "wider")
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """What a cause changes in a condition: ``dn`` (h, w, C); ``moved``: what more it would be ``DISPLACED`` by 1 px, or
+    1 px²; nothing where it moves nothing in the image."""
+
+    dn: np.ndarray
+    moved: dict[str, np.ndarray]
+
+
+Change = dict[str, Changed]  # by the condition's name
 Modulation = Callable[[State], np.ndarray]
 
 
 def form_terms(changes: dict[Cause, Change]) -> list[Term]:
     """Terms that the evidence never widens, for each cause of ``changes``."""
     spike = SHARE / np.sqrt(len(MODULATIONS))
-    return [
+    terms = [
         Term(FORM, f"{name} {target}".strip(), word, "1", spike, _modulated(change, modulation))
         for (name, target), change in changes.items()
         for word, modulation in MODULATIONS.items()
     ]
+    terms += [
+        Term(FORM, f"{name} {target}".strip(), word, "px", ASIDE, _moved(change, word))
+        for (name, target), change in changes.items()
+        for word in DISPLACED
+        if any(word in found.moved for found in change.values())
+    ]
+    return terms
+
+
+def displaced(whole: np.ndarray) -> dict[str, np.ndarray]:
+    """What (H, W, C) becomes more by 1 px to the right, 1 px further down, and wider by 1 px²."""
+    down, right = np.gradient(whole, axis=(0, 1))
+    wider = cv2.Laplacian(np.ascontiguousarray(whole, np.float32), cv2.CV_32F).reshape(whole.shape)
+    return dict(zip(DISPLACED, (-right, -down, wider), strict=True))
 
 
 def doubt(changes: Sequence[Change], state: State) -> np.ndarray | None:
     """(h, w, C) DN²: what each pixel of each cause's change may be off by."""
-    own = [change[state.condition.name] for change in changes if state.condition.name in change]
+    own = [change[state.condition.name].dn for change in changes if state.condition.name in change]
     if not own:
         return None
     return np.asarray(OWN**2 * np.sum([np.square(x) for x in own], axis=0), np.float32)
@@ -45,7 +77,15 @@ def doubt(changes: Sequence[Change], state: State) -> np.ndarray | None:
 def _modulated(change: Change, modulation: Modulation) -> Field:
     def field(s: State) -> np.ndarray | None:
         found = change.get(s.condition.name)
-        return None if found is None else np.asarray(found * modulation(s), np.float32)
+        return None if found is None else np.asarray(found.dn * modulation(s), np.float32)
+
+    return field
+
+
+def _moved(change: Change, word: str) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        found = change.get(s.condition.name)
+        return None if found is None else found.moved.get(word)
 
     return field
 

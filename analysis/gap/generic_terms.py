@@ -117,7 +117,12 @@ def _mirrored(axes: tuple[int, ...]) -> Field:
 
 def _surroundings(s: State) -> np.ndarray:
     whole = np.ascontiguousarray(s.simulation.dn - s.simulation.black, np.float32)
-    wide = cv2.GaussianBlur(whole, (0, 0), AROUND * whole.shape[1]).reshape(whole.shape)
+    h, w, channels = whole.shape
+    sigma = AROUND * w
+    n = max(1, int(sigma / 5))  # so much coarser a grid tells as well
+    small = cv2.resize(whole, (max(w // n, 1), max(h // n, 1)), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), sigma / n)
+    wide = cv2.resize(small, (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, w, channels)
     return s.signal * (s.take(wide) / max(float(whole.mean()), 1e-9) - 1)
 
 

@@ -4,7 +4,7 @@ A point X of the camera's frame, at pixel (u, v), moves by δX = τ + ω × X; a
 Brown's model.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
@@ -17,8 +17,13 @@ from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects.parts import bounds
 
+Way = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
 STEEP, EDGES = 0.05, 1e-3  # of the light a px; share of the image
+ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
+FLAT = (
+    0.02  # thickness over length of what is printed on something: it lies there, and has no size of its own
+)
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
@@ -38,6 +43,9 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
 
             terms.append(moving("principal_point", name, parameter, "px", tolerances.registration_px, flow))
     terms += _lens(conditions[0], tolerances.registration_px)
+    for name in dict.fromkeys(c.camera.name for c in conditions):
+        first = next(c for c in conditions if c.camera.name == name)
+        terms += _undone(name, _farthest(first), tolerances.registration_px)
     terms += _read_out(conditions, tolerances.registration_px)
     if not any(has_edges(c) for c in conditions):
         terms = [replace(t, cause=NUISANCE) for t in terms]
@@ -153,6 +161,37 @@ def _lens(condition: Condition, px: float) -> list[Term]:
     ]
 
 
+def _undone(name: str, corner: float, px: float) -> list[Term]:
+    """What calibration leaves where numbers undo each other, each of which alone would have to be many times as far off
+    as it leaves them; no cause. ρ is 1 in the corner.
+
+    k1 and k2, between the middle and the corner: radially by ρ³ - ρ⁵, at most 1. A turn of the camera and the principal
+    point: (x², x y) and (x y, y²).
+    """
+
+    def radial(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r2 = x * x + y * y
+        by = r2 * (1 - r2) / ZONE
+        return x * by, y * by
+
+    ways = {
+        "zone of the lens": radial,
+        "turn against the principal point, x": lambda x, y: (x * x, x * y),
+        "turn against the principal point, y": lambda x, y: (x * y, y * y),
+    }
+    terms = []
+    for word, way in ways.items():
+
+        def flow(s: State, way: Way = way) -> tuple[np.ndarray, np.ndarray] | None:
+            if s.camera.name != name:
+                return None
+            K = s.camera.K
+            return way((s.grid[0] - K[0, 2]) / K[0, 0] / corner, (s.grid[1] - K[1, 2]) / K[1, 1] / corner)
+
+        terms.append(moving(NUISANCE, name, word, "px", px, flow))
+    return terms
+
+
 def _read_out(conditions: Sequence[Condition], px: float) -> list[Term]:
     """px that a row is off from the one above, the same at every exposure time, other than motion blur. Where the scene
     gives a line time the chain's own terms say it as a velocity."""
@@ -203,7 +242,8 @@ def outlines(conditions: Sequence[Condition]) -> dict[str, int]:
 def moved_objects(
     conditions: Sequence[Condition], tolerances: Tolerances, besides: Sequence[str] = ()
 ) -> list[Term]:
-    """The places of objects (``besides`` some) without any rendering: what is seen of them moves, shadows stay."""
+    """The places of objects (``besides`` some) without any rendering: what is seen of them moves, shadows stay. What is
+    flat does not rise: cameras on one side would hardly tell that from a shift."""
     counts: dict[str, int] = {}
     for condition in conditions:
         ids, names = condition.shown.passes["object_id"], condition.shown.scene.object_names
@@ -211,7 +251,9 @@ def moved_objects(
             counts[names[k]] = max(counts.get(names[k], 0), int(n))
     terms = []
     for name in (n for n in outlines(conditions) if counts[n] >= LEAST_PIXELS and n not in besides):
-        for axis in range(3):
+        box = next(bounds(c.shown.scene, name) for c in conditions if name in c.shown.scene.object_names)
+        size = np.ptp(box, axis=0)
+        for axis in range(2 if size[2] < FLAT * size.max() else 3):
 
             def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:
                 names = s.shown.scene.object_names
@@ -223,8 +265,7 @@ def moved_objects(
                 return du * mask, dv * mask
 
             terms.append(moving("object_pose", name, "xyz"[axis], "mm", tolerances.object_pose_mm, flow))
-        box = next(bounds(c.shown.scene, name) for c in conditions if name in c.shown.scene.object_names)
-        reach = 1e3 * float(np.hypot(*np.ptp(box, axis=0)[:2])) / 2
+        reach = 1e3 * float(np.hypot(*size[:2])) / 2
         spin = moving("object_pose", name, "rz", "mrad", 1e3 * tolerances.object_pose_mm / reach, _spin(name))
         terms.append(spin)
     return terms

@@ -11,19 +11,23 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.geometry_terms import moved_objects, outlines
-from analysis.gap.knots import Knots
+from analysis.gap.geometry_terms import FLAT, moved_objects, outlines
+from analysis.gap.knots import Change, Knots
 from analysis.gap.radiance import Changes, means
+from analysis.gap.roundness import is_round
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
+from analysis.gap.views import placed
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
 from interchange.effects.parts import SEVERAL, bounds, has, members
+from interchange.frames import apply
 from interchange.light import LightKind
 from interchange.material import Material
+from interchange.mesh import Mesh
 from interchange.parameter import ParameterError, parameters
 from interchange.problems import BrightfieldError
 
@@ -33,7 +37,6 @@ MOST_OBJECTS = 6  # that are moved and resized by renderings: the largest in the
 MOST_GROUPS = 2  # of objects that are one
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
-FLAT = 0.02  # thickness over length of what is printed on something, whose size is not its own
 STEP = 0.1  # of gloss
 OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
@@ -67,8 +70,7 @@ def _standing_off(t: Tolerances, knots: Knots) -> Term:
         weights = s.shown.weights(s.condition.scene)
         if not any(w.any() for w in weights.values()):
             return None
-        change = knots.standing_off(s.condition.shown, 1e-3 * OFFSET)
-        return _dn(s, change.radiance(weights, s.camera.sensor.resolution), OFFSET)
+        return _dn(s, _there(s, knots.standing_off(s.condition.shown, 1e-3 * OFFSET), weights), OFFSET)
 
     return Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)
 
@@ -160,8 +162,12 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes
         size = 1e3 * np.ptp(_box(conditions, name), axis=0)
         if any(n in outlined for n in members(list(outlined), name)):
             terms += [term("object_pose", name, axis, "mm", spike, 1.0, px) for axis in "xyz"]
-            reach = float(np.hypot(*size[:2])) / 2
-            terms.append(term("object_pose", name, "rz", "mrad", 1e3 * spike / reach, 1e-3 * reach / 2, px))
+            mesh = _mesh(conditions, name)
+            if mesh is None or not is_round(mesh):
+                reach = float(np.hypot(*size[:2])) / 2
+                terms.append(
+                    term("object_pose", name, "rz", "mrad", 1e3 * spike / reach, 1e-3 * reach / 2, px)
+                )
         if name in chosen:
             half, top = float(size.max()) / 2, float(size[2]) / 2  # px of it, as most cameras look down
             for parameter, moves in (("scale", half), ("height", top)):
@@ -198,6 +204,16 @@ def _box(conditions: Sequence[Condition], target: str) -> np.ndarray:
         for c in conditions
         if all(members(c.shown.scene.object_names, one) for one in target.split(SEVERAL))
     )
+
+
+def _mesh(conditions: Sequence[Condition], target: str) -> Mesh | None:
+    """In the world; None of several bodies, and of one whose material has a picture, which shows a turn."""
+    scene = next(c.shown.scene for c in conditions if members(c.shown.scene.object_names, target))
+    bodies = [b for b in scene.bodies if b.name in members(scene.object_names, target)]
+    if SEVERAL in target or len(bodies) != 1 or bodies[0].material.maps:
+        return None
+    mesh = bodies[0].mesh
+    return replace(mesh, vertices=apply(bodies[0].world_from_body, mesh.vertices))
 
 
 def standing(conditions: Sequence[Condition]) -> list[str]:
@@ -266,7 +282,7 @@ def rendered(
             weights = {n: w for n, w in weights.items() if n == lamp}
         if not any(w.any() for w in weights.values()) or not has(home.scene, target):
             return None
-        size = s.camera.sensor.resolution
+        drawn = home.origin or home
         here = _about(s, target, sizes)
         if here:
             further = step * home.coarse
@@ -274,13 +290,14 @@ def rendered(
                 further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
             try:
                 more = _more(here, cause, target, parameter, further)
-                there = knots.step(home, more).radiance(weights, size)
-                return _dn(s, there - knots.step(home, here).radiance(weights, size), further)
+                back = (
+                    _more(here, cause, target, parameter, -further) if step < 0 else here
+                )  # inwards alone is half of it
+                there, before = (_there(s, knots.step(drawn, x), weights) for x in (more, back))
+                return _dn(s, there - before, 2 * further if step < 0 else further)
             except BrightfieldError:  # at the end of what it may be: what it does at home has to do
                 pass
-        drawn = home.origin or home
-        radiance = knots.step(drawn, once).radiance(weights, drawn.camera.sensor.resolution)
-        out = _dn(s, means(radiance, home.coarse), step)
+        out = _dn(s, _there(s, knots.step(drawn, once), weights), step)
         if material:
             names = s.shown.scene.material_names
             others = [names.index(n) for n in among if n != material and n in names]
@@ -326,6 +343,14 @@ def _more(here: Changes, cause: str, target: str, parameter: str, step: float) -
     return tuple((more if e is own else e, t) for e, t in here)
 
 
+def _there(s: State, change: Change, weights: dict[str, np.ndarray]) -> np.ndarray:
+    """(h, w, 3): a change of radiance as the image is moved; the mean of it where a pixel stands for several."""
+    home = s.condition.shown
+    if home.origin is None:
+        return change.at(weights, s.camera.sensor.resolution, *s.source)
+    whole = change.radiance(weights, home.origin.camera.sensor.resolution)
+    return s.take(placed(means(whole, home.coarse), s.flow))
+
+
 def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:
-    there = s.channels(s.take(s.placed(radiance)))
-    return np.asarray(s.per_radiance * there / np.float32(step), np.float32)
+    return np.asarray(s.per_radiance * s.channels(radiance) / np.float32(step), np.float32)

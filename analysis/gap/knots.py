@@ -33,6 +33,9 @@ SPOTS, MANY, SOFT = (
     16,
     64,
 )  # a pixel: of what shades, moves, has penumbrae; up to twice as many of smaller images
+# texels along a side of a shadow map, eight a pixel in between: with 4096 steps of the bench's pin, bracket and lamps
+# differ by up to 1.5 % in amount, stands by up to 4 %, for one and a half to four times the time
+LEAST_SHADOWS, SHADOWS = 512, 2048
 NOTHING = 1e-4  # of the largest difference: less is rounding of what was stored
 
 
@@ -50,14 +53,43 @@ class Change:
     def radiance(self, weights: dict[str, np.ndarray], resolution: tuple[int, int]) -> np.ndarray:
         """(H, W, 3) float32 at ``resolution`` (width, height), each lamp weighted by (3,) numbers."""
         out = np.zeros((self.size[1], self.size[0], 3), np.float32)
-        part = out[self.rows, self.columns]
-        for name, plane in self.lamps.items():
-            weight = weights.get(name)
-            if weight is not None and weight.any():
-                part += plane.astype(np.float32) * (self.scale * weight).astype(np.float32)
+        out[self.rows, self.columns] = self._part(weights)
         if self.size == resolution:
             return out
         return np.asarray(cv2.resize(out, resolution, interpolation=cv2.INTER_LINEAR))
+
+    def at(
+        self,
+        weights: dict[str, np.ndarray],
+        resolution: tuple[int, int],
+        column: np.ndarray,
+        row: np.ndarray,
+    ) -> np.ndarray:
+        """(h, w, 3) float32: the same at places (h, w) px of the image at ``resolution``."""
+        part = self._part(weights)
+        if not part.size:
+            return np.zeros((*column.shape, 3), np.float32)
+        x, y = (
+            np.clip((place + 0.5) * (n / whole) - 0.5, 0, n - 1) - part_of.start
+            for place, n, whole, part_of in zip(
+                (column, row), self.size, resolution, (self.columns, self.rows), strict=True
+            )
+        )
+        return np.asarray(
+            cv2.remap(part, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR,
+                      borderMode=cv2.BORDER_CONSTANT)
+        )  # fmt: skip
+
+    def _part(self, weights: dict[str, np.ndarray]) -> np.ndarray:
+        """(rows, columns, 3): what changes."""
+        out = np.zeros(
+            (self.rows.stop - self.rows.start, self.columns.stop - self.columns.start, 3), np.float32
+        )
+        for name, plane in self.lamps.items():
+            weight = weights.get(name)
+            if weight is not None and weight.any():
+                out += plane.astype(np.float32) * (self.scale * weight).astype(np.float32)
+        return out
 
     def placed(self, row: int, column: int) -> "Change":
         """The same, counted from elsewhere."""
@@ -72,7 +104,9 @@ class Knots:
     """Renders changes as they are asked for. ``cache``: where they are kept. ``opened``: the rasteriser, opened by the
     first rendering that no cache holds, and kept until ``close``."""
 
-    def __init__(self, cache: Path, opened: Callable[[], Rasterizer] = Rasterizer) -> None:
+    def __init__(
+        self, cache: Path, opened: Callable[[], Rasterizer] = lambda: Rasterizer(shadow_resolution=SHADOWS)
+    ) -> None:
         self.cache, self.opened = cache, opened
         self.rendered = 0  # images drawn so far
         self._rasterizer: Rasterizer | None = None
@@ -117,13 +151,13 @@ class Knots:
         width, height = camera.sensor.resolution
         spots = MANY if offset else max((_spots(effect) for effect, _ in effects), default=SPOTS)
         spots = round(spots * float(np.clip(most / (width * height), 1, 2)))
-        before, after = _lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
+        before, after = lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
         both = (before.bodies, before.lights, after.bodies, after.lights)
-        name = fingerprint((*both, camera, spots, *([offset] if offset else [])))
+        name = fingerprint((*both, camera, spots, SHADOWS, *([offset] if offset else [])))
         file = self.cache / f"{name[:32]}.knot.npz"
         if file.is_file():
             return _read(file)
-        part = _part(before, after, effects, camera)
+        part = part_of(before, after, effects, camera)
         eye = cropped(camera, *part) if part else camera
         lamps = " ".join(x.name for x in before.lights)
         base = (id(shown.scene), spots, f"{part} {camera.sensor.resolution} {lamps}")
@@ -141,6 +175,10 @@ class Knots:
         if self._rasterizer is None:
             self._rasterizer = self.opened()
         self.rendered += 1
+        side = 8 * max(camera.sensor.resolution)
+        self._rasterizer.shadow_resolution = int(
+            np.clip(1 << (side - 1).bit_length(), LEAST_SHADOWS, SHADOWS)
+        )
         image = self._rasterizer.render(scene, camera, (), True, spots, shadow_offset=offset)
         found: dict[str, np.ndarray] = {}
         for name, plane in image.passes.items():
@@ -158,7 +196,7 @@ def changed(scene: Scene, effects: Changes) -> Scene:
     return scene
 
 
-def _lit_by(effects: Changes, before: Scene, after: Scene) -> tuple[Scene, Scene]:
+def lit_by(effects: Changes, before: Scene, after: Scene) -> tuple[Scene, Scene]:
     """Both with the lamps alone that change, where effects are about single lamps: light of all others is the same."""
     if not effects or not all(t and isinstance(e, LightPosition | LightSize) for e, t in effects):
         return before, after
@@ -182,7 +220,7 @@ def _spots(effect: Effect) -> int:
     return MANY if isinstance(effect, LightPosition | ObjectPose | Geometry) else SPOTS
 
 
-def _part(before: Scene, after: Scene, effects: Changes, camera: Camera) -> tuple[slice, slice] | None:
+def part_of(before: Scene, after: Scene, effects: Changes, camera: Camera) -> tuple[slice, slice] | None:
     """Rows and columns that can change; None: all of them."""
     if not effects or not all(
         isinstance(effect, ObjectPose | Geometry) and target for effect, target in effects

@@ -17,6 +17,7 @@ from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
 FAR = (LightKind.DISTANT, LightKind.DOME)
+COLOR = 0.2  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
 def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
@@ -43,7 +44,7 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     ]
     if channels == 3:
         terms += [
-            Term("light_spectrum", n, word, "1", t.light_intensity, _color(n, k))
+            Term("light_spectrum", n, word, "1", COLOR * t.light_intensity, _color(n, k))
             for n in lights
             for k, word in ((0, "red"), (2, "blue"))
         ]

@@ -1,5 +1,6 @@
 """A simulation with corrections: where the chain, the image and the scene stand, and what is added to them."""
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,6 +14,26 @@ from analysis.gap.radiance import Changes, Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import Term, added
 from interchange.effects import MODELS, Effect
+
+MOST = 200e6  # bytes of motions that are kept, each of a term in a rendering
+
+
+def _unit_flow(state: State, term: Term) -> np.ndarray | None:
+    """(H, W, 2) float32 px that a unit of a term moves the image by, as the scene is written."""
+    shown = state.condition.shown
+    key = (id(shown), id(term))
+    if key not in _units:
+        found = term.flow(state) if term.flow is not None else None
+        unit = None if found is None else np.stack(found, axis=-1).astype(np.float32)
+        _units[key] = shown, term, unit
+        while sum(u.nbytes for *_, u in _units.values() if u is not None) > MOST:
+            _units.popitem(last=False)
+        return unit
+    _units.move_to_end(key)
+    return _units[key][2]
+
+
+_units: OrderedDict[tuple[int, int], tuple[Rendered, Term, np.ndarray | None]] = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +85,11 @@ class Model:
         return {}
 
     def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
-        total = np.zeros((*state.condition.mean.shape[:2], 2))
+        total = np.zeros((*state.condition.mean.shape[:2], 2), np.float32)
         for term, x in moving:
-            found = term.flow(state) if term.flow is not None else None
-            if found is not None:
-                total += x * np.stack(found, axis=-1)
+            unit = _unit_flow(state, term)
+            if unit is not None:
+                total += np.float32(x) * unit
         return total
 
     def simulated(self, condition: Condition) -> np.ndarray:

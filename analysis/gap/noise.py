@@ -76,8 +76,9 @@ def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarr
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
     spike = np.array([GAIN, 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)])
     slab = np.array([0.5, 3 * max(sheet.read_noise, 2.0) ** 2])
-    p = probability(np.array([gain - 1, square - sheet.read_noise**2]), covariance, spike, slab)
-    read = float(np.sqrt(max(square, 0.0)))
+    above = max(square, 0.0)  # below is noise of the estimate
+    p = probability(np.array([gain - 1, above - sheet.read_noise**2]), covariance, spike, slab)
+    read = float(np.sqrt(above))
     sigma = float(np.sqrt(covariance[1, 1])) / (2 * max(read, 0.5 * covariance[1, 1] ** 0.25))
     about = parameters(SensorNoise)["read_noise"]
     numbers = {

@@ -175,14 +175,7 @@ def _rendered(
     key = fingerprint((scene.bodies, scene.lights, replace(camera, t_exp=1.0), settings, FINE, MOST))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
-    if not file.is_file():
-        arrays = _arrays(scene, camera, render, bool(settings.get("indirect")))
-        cache.mkdir(parents=True, exist_ok=True)
-        beside = file.with_name(f".{file.stem}.{os.getpid()}.npz")
-        np.savez(beside, **arrays)
-        os.replace(beside, file)
-    with np.load(file) as stored:
-        arrays = {name: stored[name] for name in stored.files}
+    arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, bool(settings.get("indirect"))))
     scale = float(arrays.get("scale", 1.0))
     fine = {name: arrays[f"fine:{name}"] for name in intensity if f"fine:{name}" in arrays}
     return Rendered(
@@ -202,15 +195,27 @@ def _rendered(
     )
 
 
-def _arrays(scene: Scene, camera: Camera, render: Render, reflected: bool) -> dict[str, np.ndarray]:
+def kept_on_disk(file: Path, made: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """What ``file`` holds; where there is none, what is ``made`` is written there first."""
+    if not file.is_file():
+        arrays = made()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        beside = file.with_name(f".{file.stem}.{os.getpid()}.npz")
+        np.savez(beside, **arrays)
+        os.replace(beside, file)
+    with np.load(file) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def _arrays(scene: Scene, camera: Camera, render: Render, bounces: bool) -> dict[str, np.ndarray]:
     width, height = camera.sensor.resolution
     finer = FINE if 6 * FINE**2 * width * height * len(scene.lights) <= MOST else 1
     eye = camera.resized(finer * width) if finer > 1 else camera
-    image = render(scene, eye, SURFACES if reflected else PASSES, True, finer**2, Paths.DIRECT)
+    image = render(scene, eye, SURFACES if bounces else PASSES, True, finer**2, Paths.DIRECT)
     lamps = {n.removeprefix("light:"): p for n, p in image.passes.items() if n.startswith("light:")}
-    if reflected:
+    if bounces:
         around = render(scene, camera, (*PASSES, "indirect"), True, 1, Paths.REFLECTED)
-        out = _reflected(lamps, image, around)
+        out = reflected(lamps, image, around)
         rest = np.maximum(around.pixels - sum((around.passes[f"light:{n}"] for n in lamps), 0.0), 0)
         out |= {n: p for n, p in around.passes.items() if n.split(":")[0] in PASSES}
     else:
@@ -229,7 +234,7 @@ def _arrays(scene: Scene, camera: Camera, render: Render, reflected: bool) -> di
     return {**out, "rest": rest, AMBIENT: ambient}
 
 
-def _reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dict[str, np.ndarray]:
+def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dict[str, np.ndarray]:
     """Adds to ``lamps`` (n H, n W, 3) what ``around`` (H, W) has of each one's reflected light; its share of the whole,
     (H, W, 3), as ``indirect:NAME``."""
     if not lamps:

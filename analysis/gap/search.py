@@ -12,7 +12,7 @@ import numpy as np
 from analysis.gap.approach import approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis
-from analysis.gap.form_terms import Change, doubt, form_terms
+from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
@@ -133,13 +133,19 @@ class Search:
             return np.zeros(self.q)
         return self.start_of(h, first)
 
-    def followed(self, first: Stand, start: Start, what: str, known: Sequence[Stand] = ()) -> Stand:
+    def gone_on(self, stand: Stand, what: str, known: Sequence[Stand] = ()) -> Stand:
+        """The best hypothesis of a stand, followed from where it stands."""
+        return self.followed(stand, Start(stand.best, self.start_of(stand.best, stand)), what, known)
+
+    def followed(
+        self, first: Stand, start: Start, what: str, known: Sequence[Stand] = (), rounds: int = ROUNDS
+    ) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at, or one
         of ``known`` stands there already, and better."""
         stand, best, at = first, start.hypothesis, start.at
-        theta = stand.evidence.theta(best)
+        theta = stand.evidence.theta(best)[: self.q]
         kept = dict(first.kept)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             members = {c: stand.evidence.members[c] for c in best.causes}
             theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
@@ -266,13 +272,18 @@ class Search:
     def change(self, model: Model, index: np.ndarray) -> Change:
         """What a cause changes in each condition."""
         without, own = model.without(index), [self.terms[i] for i in index]
+        chain = any(t.kind == "chain" for t in own)
         out = {}
         for c in self.conditions:
             state = model.state(c, self.stride)
             change = added(state, own, (model.theta - model.at)[index])
+            moved = {}
             if model.at[index].any():
-                change = change + state.take(state.simulation.dn - without.state(c).simulation.dn)
-            out[c.name] = np.asarray(change, np.float32)
+                whole = state.simulation.dn - without.state(c).simulation.dn
+                change = change + state.take(whole)
+                if chain:
+                    moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
+            out[c.name] = Changed(np.asarray(change, np.float32), moved)
         return out
 
     def stand(

@@ -1,7 +1,5 @@
 """One condition as the model stands: simulated DN, and what sensitivities are made of, on every ``stride``-th pixel."""
 
-import hashlib
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -12,14 +10,13 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
 from analysis.gap.knots import Change, Knots
-from analysis.gap.radiance import FINE, Changes, Rendered, pixels
+from analysis.gap.radiance import FINE, Changes, Rendered
+from analysis.gap.views import seen
 from interchange.effects import Effect
-from interchange.filtering import resample
+from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
 from interchange.frames import apply
 from interchange.image import Image, Quantity
-
-KEPT = 8  # moved renderings, each with its neighbours
-HERE, WAYS = (0, 0), ((1, 0), (-1, 0), (0, 1), (0, -1))
+from interchange.parameter import parameters
 
 
 class State:
@@ -45,42 +42,43 @@ class State:
         self.symmetric = symmetric and not condition.shown.fine
         self.flow, self.scene = flow, scene
         self.camera, self.base = condition.camera, condition.shown.nearest(scene)
-        self.changes: list[tuple[float, Change]] = []
+        changes: tuple[tuple[float, Change], ...] = ()
         if knots is not None and scene != self.base.standing:
             ends = ((1.0, scene), (-1.0, self.base.standing))
-            self.changes = [(sign, knots.change(condition.shown, end)) for sign, end in ends if end]
-        self.shown = self.base
-        if flow is not None:
-            self.shown = moved(self.shown, flow)[HERE]
-        self.shown = self._changed(self.shown, HERE)
+            # of coarse pixels few spots would not tell where in one an edge is: they are means of the origin's
+            origin = condition.shown.origin
+
+            def drawn(end: Changes) -> Change:
+                return knots.step(origin, end) if origin else knots.change(condition.shown, end)
+
+            changes = tuple((sign, drawn(end)) for sign, end in ends if end)
+        self.lateral = self._lateral()
+        way = flow
+        if self.lateral is not None:
+            apart = self.lateral.shifts(self.camera)
+            way = apart if flow is None else apart + flow[:, :, None, :]
+        self.views = seen(self.base, way, changes)
+        self.shown = self.views.here
         self.moved = replace(condition, rendered=self.shown)
 
-    def _changed(self, shown: Rendered, way: tuple[int, int]) -> Rendered:
-        """With what the effects of the scene change, ``way`` (columns, rows) steps of the finer grid further."""
-        if not self.changes:
-            return shown
-        lamps = dict(shown.lamps)
-        for name in lamps:
-            added = [
-                sign * change.radiance({name: np.ones(3)}, self.camera.sensor.resolution)
-                for sign, change in self.changes
-                if name in change.lamps
-            ]
-            if added:
-                lamps[name] = np.maximum(lamps[name] + self.placed(sum(added[1:], added[0]), way), 0)
-        return replace(shown, lamps=lamps)
+    def _lateral(self) -> LateralChromaticAberration | None:
+        """That of ``effects``: on a finer grid the channels are moved there, as no interpolation of pixels can."""
+        own = LateralChromaticAberration.of(self.camera)
+        found = next((e for e in self.effects if isinstance(e, LateralChromaticAberration)), None)
+        in_color = self.condition.mean.shape[2] == 3
+        return found if found is not None and in_color and self.base.fine and not own.is_there else None
 
-    def placed(self, plane: np.ndarray, way: tuple[int, int] = HERE) -> np.ndarray:
-        """(H, W, 3): what was rendered where the scene says, moved as the image is."""
-        if self.flow is None and way == HERE:
-            return plane
-        h, w = plane.shape[:2]
-        x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-        if self.flow is not None:
-            x, y = x - self.flow[..., 0].astype(np.float32), y - self.flow[..., 1].astype(np.float32)
-        return resample(
-            np.ascontiguousarray(plane), x - np.float32(way[0] / FINE), y - np.float32(way[1] / FINE)
-        )
+    def _besides(self, effects: Sequence[Effect]) -> list[Effect]:
+        """``effects`` less what of them the views have already."""
+        if self.lateral is None:
+            return list(effects)
+        none = LateralChromaticAberration()
+        wanted = next((e for e in effects if isinstance(e, LateralChromaticAberration)), none)
+        further = LateralChromaticAberration(**{
+            n: getattr(wanted, n) - getattr(self.lateral, n) for n in parameters(LateralChromaticAberration)
+        })  # fmt: skip
+        others = [e for e in effects if not isinstance(e, LateralChromaticAberration)]
+        return [*others, further] if further.is_there else others
 
     def take(self, plane: np.ndarray) -> np.ndarray:
         return plane[:: self.stride, :: self.stride]
@@ -98,12 +96,18 @@ class State:
 
     @cached_property
     def simulation(self) -> Expected:
-        return self.moved.simulated(self.effects)
+        return self.moved.simulated(self._besides(self.effects))
 
     def dn(self, effects: Sequence[Effect]) -> np.ndarray:
         """(H, W, C): mean DN with these effects in the chain."""
-        image = Image(self.radiance, Quantity.RADIANCE, self.camera, passes=self.shown.passes)
-        return self.channels(mean_dn(image, self.camera, effects))
+        return self._mean(self.shown, effects, self.radiance)
+
+    def _mean(
+        self, shown: Rendered, effects: Sequence[Effect], radiance: np.ndarray | None = None
+    ) -> np.ndarray:
+        L = shown.radiance(self.condition.scene) if radiance is None else radiance
+        image = Image(L, Quantity.RADIANCE, self.camera, passes=shown.passes)
+        return self.channels(mean_dn(image, self.camera, self._besides(effects)))
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -118,7 +122,8 @@ class State:
         """(h, w, C): DN per radiance at each pixel, taken as if each pixel were alone."""
         one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.camera, passes=self.shown.passes)
         none = replace(one, pixels=np.zeros_like(self.radiance))
-        difference = mean_dn(one, self.camera, self.effects) - mean_dn(none, self.camera, self.effects)
+        effects = self._besides(self.effects)
+        difference = mean_dn(one, self.camera, effects) - mean_dn(none, self.camera, effects)
         return self.take(self.channels(difference))
 
     @cached_property
@@ -143,13 +148,9 @@ class State:
         if not self.condition.shown.fine:
             dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
             return self.take(dx), self.take(dy)
-        views = moved(self.base, self.flow)
         slopes = []
-        for axis in ((1, 0), (0, 1)):
-            ahead, behind = (
-                replace(self.condition, rendered=self._changed(views[way], way)).simulated(self.effects).dn
-                for way in ((-axis[0], -axis[1]), axis)
-            )
+        for u, v in ((1, 0), (0, 1)):
+            ahead, behind = (self._mean(self.views.beside(way), self.effects) for way in ((-u, -v), (u, v)))
             slopes.append(self.take((ahead - behind) * np.float32(FINE / 2)))
         return slopes[0], slopes[1]
 
@@ -170,6 +171,14 @@ class State:
         h, w = self.condition.mean.shape[:2]
         column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
         return self.take(column), self.take(row)
+
+    @cached_property
+    def source(self) -> tuple[np.ndarray, np.ndarray]:
+        """(h, w) column and row that every pixel which is taken shows of what was rendered."""
+        if self.flow is None:
+            return self.grid
+        flow = self.take(self.flow).astype(np.float32)
+        return self.grid[0] - flow[..., 0], self.grid[1] - flow[..., 1]
 
     @cached_property
     def position(self) -> np.ndarray:
@@ -196,61 +205,3 @@ class State:
         """(h, w, C): what DN change by where the scene moves by (du, dv) px."""
         dx, dy = self.gradient if not self.symmetric else self.symmetric_gradient
         return np.asarray(-(dx * du[..., None] + dy * dv[..., None]), np.float32)
-
-
-def moved(shown: Rendered, flow: np.ndarray | None) -> dict[tuple[int, int], Rendered]:
-    """What is seen where the scene moves by ``flow`` (H, W, 2) px in the image: ``HERE``; and, of a finer grid, a
-    step of it further in each of ``WAYS`` (columns, rows). The last ``KEPT`` are kept: conditions that
-    differ in nothing but what the lamps give share them."""
-    key = (id(shown), "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest())
-    if key not in _kept:
-        _kept[key] = shown, _moved_finely(shown, flow) if shown.fine else {HERE: _moved(shown, flow)}
-        while len(_kept) > KEPT:
-            _kept.popitem(last=False)
-    _kept.move_to_end(key)
-    return _kept[key][1]
-
-
-_kept: OrderedDict[tuple[int, str], tuple[Rendered, dict[tuple[int, int], Rendered]]] = OrderedDict()
-
-
-def _moved(shown: Rendered, flow: np.ndarray | None) -> Rendered:
-    if flow is None:
-        return shown
-    h, w = flow.shape[:2]
-    column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    x, y = (column - flow[..., 0]).astype(np.float32), (row - flow[..., 1]).astype(np.float32)
-
-    def there(plane: np.ndarray) -> np.ndarray:
-        return resample(np.ascontiguousarray(plane), x, y)
-
-    return replace(
-        shown,
-        lamps={} if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
-        rest=there(shown.rest) if shown.rest.any() else shown.rest,
-        ambient=there(shown.ambient),
-    )
-
-
-def _moved_finely(shown: Rendered, flow: np.ndarray | None) -> dict[tuple[int, int], Rendered]:
-    w, h = shown.camera.sensor.resolution
-    n = next(iter(shown.fine.values())).shape[0] // h
-    fine = {name: plane.astype(np.float32) for name, plane in shown.fine.items()}
-    if flow is not None:
-        column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
-        flow_here = np.ascontiguousarray(n * flow, np.float32)
-        by = cv2.resize(flow_here, (n * w, n * h), interpolation=cv2.INTER_LINEAR)
-        x, y = column - by[..., 0], row - by[..., 1]
-        fine = {name: resample(plane, x, y) for name, plane in fine.items()}
-    wider = {name: cv2.copyMakeBorder(p, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for name, p in fine.items()}
-    base = _moved(shown, flow)
-    return {
-        (u, v): replace(
-            base,
-            lamps={
-                name: pixels(p[1 - v : 1 - v + n * h, 1 - u : 1 - u + n * w], shown.scale, shown.camera)
-                for name, p in wider.items()
-            },
-        )
-        for u, v in (HERE, *WAYS)
-    }

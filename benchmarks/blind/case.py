@@ -14,7 +14,7 @@ from benchmarks.blind.errors import Tolerances, disturbed, draw
 from benchmarks.blind.picture import write_png
 from benchmarks.blind.scenes import scene
 from benchmarks.blind.severity import OutOfReach, severity, solve
-from benchmarks.blind.strata import Plan
+from benchmarks.blind.strata import SCENES, Plan
 from benchmarks.blind.tracing import Quality, guide
 
 TRIES = 12
@@ -27,7 +27,7 @@ class Settings:
 
     cache: Path
     seed: int
-    size: tuple[int, int] = (240, 180)
+    size: tuple[int, int] | None = None  # each scene's own
     samples: int = 25
     fine: int = 3
 
@@ -36,8 +36,7 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     """Writes the case and returns its label; captures.json is the last file."""
     nominal = scene(plan.scene, settings.size)
     tolerances = Tolerances()
-    scenes = ("rich", "metal", "plate", "board")
-    world = np.random.default_rng([settings.seed, scenes.index(plan.scene), plan.world])
+    world = np.random.default_rng([settings.seed, SCENES.index(plan.scene), plan.world])
     bench = disturbed(nominal, tolerances, world)
     shots = tuple(replace(s, repeats=plan.repeats) if s.repeats > 2 else s for s in nominal.shots)
     bench, nominal = replace(bench, shots=shots), replace(nominal, shots=shots)

@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
 
 from benchmarks.blind import sealing  # noqa: E402
-from benchmarks.blind.strata import SEVERITIES, Plan, plans  # noqa: E402
+from benchmarks.blind.strata import SCENES, SEVERITIES, Plan, plans  # noqa: E402
 
 
 def _one(plan: Plan, settings: Any, folder: Path, labels: Path) -> tuple[str, float, str]:
@@ -56,7 +56,8 @@ def main() -> None:
     p.add_argument(
         "--worlds", type=int, default=2, help="draws of the calibration errors that are rendered, a scene"
     )
-    p.add_argument("--size", type=int, nargs=2, default=(240, 180))
+    p.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES)
+    p.add_argument("--size", type=int, nargs=2, help="px of all captures (default: each scene's own)")
     p.add_argument("--samples", type=int, default=25, help="of a ninth of a pixel; a square number")
     p.add_argument("--workers", type=int, default=1)
     p.add_argument("--nice", type=int, default=10)
@@ -75,9 +76,18 @@ def main() -> None:
 
     from benchmarks.blind.case import Settings
 
-    settings = Settings(args.cache or args.out / "cache", seed, tuple(args.size), args.samples)
+    settings = Settings(
+        args.cache or args.out / "cache", seed, tuple(args.size) if args.size else None, args.samples
+    )
     given = {k: int(n) for k, n in (x.split("=") for x in args.counts)}
-    todo = plans(args.cases, seed, args.worlds, tuple(s / 100 for s in args.severities), given or None)
+    todo = plans(
+        args.cases,
+        seed,
+        args.worlds,
+        tuple(s / 100 for s in args.severities),
+        given or None,
+        tuple(args.scenes),
+    )
     work = [x for x in todo if not (parts / f"{x.case}.json").is_file()]
     from benchmarks.blind.scene_causes import RENDERED
 

@@ -10,29 +10,33 @@ import numpy as np
 from benchmarks.blind.bench import Bench, Lamp
 from benchmarks.blind.chain import Cause
 
-EVERYWHERE = ("rich", "metal", "plate", "board")
-EDGES = ("rich", "metal", "board")
-GLOSSY = {"rich": ("metal", "plastic"), "metal": ("steel", "brass"), "board": ("tin",)}
+EVERYWHERE = ("rich", "metal", "plate", "board", "sample")
+EDGES = ("rich", "metal", "board", "sample")
+GLOSSY = {"rich": ("metal", "plastic"), "metal": ("steel", "brass"), "board": ("tin",),
+          "sample": ("metal", "plastic")}  # fmt: skip
 PAINTED = {"rich": ("base", "card", "white"), "metal": ("cloth", "tag", "steel"), "plate": ("paint",),
-           "board": ("varnish", "tray", "plug")}  # fmt: skip
-STAINED = {"rich": ("base",), "metal": ("cloth",), "plate": ("paint",), "board": ("tray", "varnish")}
-MOVED = {"rich": ("box", "rod", "wall"), "metal": ("block",), "board": ("chip", "plug", "can")}
-HIGHER = {"rich": ("box", "rod", "wall"), "metal": ("boss",), "board": ("plug", "can", "chip")}
-SOFT = {"rich": ("white", "card"), "board": ("plug", "varnish")}
+           "board": ("varnish", "tray", "plug"), "sample": ("base", "white", "red")}  # fmt: skip
+STAINED = {"rich": ("base",), "metal": ("cloth",), "plate": ("paint",), "board": ("tray", "varnish"),
+           "sample": ("base",)}  # fmt: skip
+MOVED = {"rich": ("box", "rod", "wall"), "metal": ("block",), "board": ("chip", "plug", "can"),
+         "sample": ("bracket", "pin", "ball")}  # fmt: skip
+HIGHER = {"rich": ("box", "rod", "wall"), "metal": ("boss",), "board": ("plug", "can", "chip"),
+          "sample": ("bracket", "pin", "wall_b")}  # fmt: skip
+SOFT = {"rich": ("white", "card"), "board": ("plug", "varnish"), "sample": ("white", "base")}
 
 SEEN: dict[str, tuple[str, ...]] = {
     "vignetting": EVERYWHERE, "veiling_glare": EDGES, "exposure": EVERYWHERE, "white_balance": EVERYWHERE,
-    "response_curve": EVERYWHERE, "black_level": EVERYWHERE, "color_crosstalk": ("rich", "board"),
-    "saturation": ("rich", "metal"), "lens_distortion": EDGES, "principal_point": EDGES,
+    "response_curve": EVERYWHERE, "black_level": EVERYWHERE, "color_crosstalk": ("rich", "board", "sample"),
+    "saturation": ("rich", "metal", "sample"), "lens_distortion": EDGES, "principal_point": EDGES,
     "lateral_chromatic_aberration": EDGES, "defocus": EDGES, "motion_blur": EDGES, "camera_pose": EDGES,
     "object_pose": EDGES, "geometry": EDGES, "light_position": EVERYWHERE, "light_intensity": EVERYWHERE,
     "light_spectrum": EVERYWHERE, "light_beam": EVERYWHERE, "light_size": EDGES, "ambient_light": EVERYWHERE,
-    "albedo": EVERYWHERE, "gloss": EDGES, "texture": EVERYWHERE, "interreflection": ("rich", "metal"),
+    "albedo": EVERYWHERE, "gloss": EDGES, "texture": EVERYWHERE, "interreflection": ("rich", "metal", "sample"),
     "anisotropy": ("metal",),
 }  # fmt: skip
 OUTSIDE: dict[str, tuple[str, ...]] = {
     "ghost": EVERYWHERE, "dirt": EVERYWHERE, "stripes": EVERYWHERE, "moire": EVERYWHERE, "tone_map": EDGES,
-    "sharpening": EDGES, "occluder": EVERYWHERE, "extra_lamp": EVERYWHERE, "subsurface": ("rich", "board"),
+    "sharpening": EDGES, "occluder": EVERYWHERE, "extra_lamp": EVERYWHERE, "subsurface": ("rich", "board", "sample"),
 }  # fmt: skip
 NOISE = ("sensor_noise", "fixed_pattern", "quantization")
 # what may be said of an outside cause besides "unknown": a name of the contract that is right too

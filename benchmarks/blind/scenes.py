@@ -1,10 +1,11 @@
-"""The four scenes: a rich inspection bench, a machined part, a plain plate, a circuit board."""
+"""The scenes: a rich inspection bench, a machined part, a plain plate, a circuit board, the sample captures' bench."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.blind.bench import Bench, Lamp, Matter, Part, Sensor, Shot, eye
+from benchmarks.blind.sample import sample
 from benchmarks.blind.solids import ball, box, rod, sheet, sheets, with_hole
 
 SPOT = 5.0  # mm, radius of an LED: far smaller ones lose digits in an engine of single precision
@@ -170,8 +171,10 @@ def board() -> Bench:
     return Bench("board", matters, parts, lamps, eyes, Sensor(420.0), shots(4))
 
 
-SCENES = {"rich": rich, "metal": metal, "plate": plate, "board": board}
+SCENES = {"rich": rich, "metal": metal, "plate": plate, "board": board, "sample": sample}
 
 
-def scene(name: str, size: tuple[int, int] = (240, 180)) -> Bench:
-    return replace(SCENES[name](), size=size)
+def scene(name: str, size: tuple[int, int] | None = None) -> Bench:
+    """``size``: (columns, rows) px of the captures; None: the scene's own."""
+    bench = SCENES[name]()
+    return replace(bench, size=size or bench.size)

@@ -15,7 +15,7 @@ BALANCES = ((0.01, 0.01), (0.02, 0.02), (0.02, 0.01), (0.02, 0.005))
 # tolerance cannot be told from it, whoever looks. These causes are as many times as strong.
 MOVES = ("camera_pose", "object_pose", "geometry", "principal_point", "lens_distortion", "light_position")
 STRONGER = 4.0
-SCENES = ("rich", "metal", "plate", "board")
+SCENES = ("rich", "metal", "plate", "board", "sample")
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ def counts(cases: int) -> dict[str, int]:
 
 def plans(
     cases: int, seed: int, worlds: int, severities: tuple[float, ...] = SEVERITIES,
-    shares: dict[str, int] | None = None,
+    shares: dict[str, int] | None = None, scenes: tuple[str, ...] = SCENES,
 ) -> list[Plan]:  # fmt: skip
     """In an order, and under names, that say nothing."""
     rng = np.random.default_rng(seed)
     found: list[tuple[str, tuple[tuple[str, float], ...], str]] = []
     for stratum, n in (shares or counts(cases)).items():
-        found += [(stratum, *x) for x in _stratum(stratum, n, severities, rng)]
+        found += [(stratum, *x) for x in _stratum(stratum, n, severities, rng, scenes)]
     ids: list[str] = []
     while len(ids) < len(found):
         name = f"{int(rng.integers(1 << 32)):08x}"
@@ -71,10 +71,14 @@ def plans(
     return sorted(out, key=lambda p: p.case)
 
 
+def _fit(names: tuple[str, ...], scenes: tuple[str, ...]) -> list[str]:
+    """The scenes in which all of them can be seen."""
+    return [s for s in scenes if all(s in (SEEN.get(n) or OUTSIDE.get(n) or SCENES) for n in names)]
+
+
 def _where(rng: np.random.Generator, names: tuple[str, ...], used: dict[str, int]) -> str:
     """Of the scenes in which all of them can be seen, the one that had the fewest cases of the stratum."""
-    fit = [s for s in SCENES if all(s in (SEEN.get(n) or OUTSIDE.get(n) or SCENES) for n in names)]
-    chosen = str(min(rng.permutation(fit), key=lambda s: used[s]))
+    chosen = str(min(rng.permutation(_fit(names, tuple(used))), key=lambda s: used[s]))
     used[chosen] += 1
     return chosen
 
@@ -88,10 +92,10 @@ def _turns(rng: np.random.Generator, options: list[tuple[tuple[str, float], ...]
 
 
 def _stratum(
-    stratum: str, n: int, severities: tuple[float, ...], rng: np.random.Generator
+    stratum: str, n: int, severities: tuple[float, ...], rng: np.random.Generator, scenes: tuple[str, ...]
 ) -> list[tuple[tuple[tuple[str, float], ...], str]]:
     if stratum == "null":
-        return [((), SCENES[k % len(SCENES)]) for k in range(n)]
+        return [((), scenes[k % len(scenes)]) for k in range(n)]
     if stratum == "single":
         options = [((name, s),) for name, s in product(SEEN, severities)]
     elif stratum == "pair":
@@ -105,7 +109,8 @@ def _stratum(
         options = [*(((name, 0.01),) for name in SEEN), *[()] * len(SEEN)]
     else:
         options = [((name, 0.0),) for name in NOISE]
+    options = [c for c in options if _fit(tuple(name for name, _ in c), scenes)]
     chosen = _turns(rng, options, n)
-    used = dict.fromkeys(SCENES, 0)
+    used = dict.fromkeys(scenes, 0)
     chosen = [tuple((name, s * (STRONGER if name in MOVES else 1.0)) for name, s in c) for c in chosen]
     return [(c, _where(rng, tuple(name for name, _ in c), used)) for c in chosen]

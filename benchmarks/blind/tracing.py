@@ -35,16 +35,17 @@ class Quality:
 
 
 def start() -> Any:
-    """Mitsuba in its fast variant where an LLVM of version 16 or later is there, else the slow one."""
+    """Mitsuba; SystemExit where no LLVM of version 16 or later is there, which it compiles with."""
     global _ready
     import mitsuba as mi
 
     if not _ready:
         found = sorted(glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*"))
         new = [f for f in found if any(f"{v}" in os.path.basename(f) for v in range(16, 22))]
-        if new:
-            os.environ.setdefault("DRJIT_LIBLLVM_PATH", new[-1])
-        mi.set_variant("llvm_ad_rgb" if new or "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+        if not new and "DRJIT_LIBLLVM_PATH" not in os.environ:
+            raise SystemExit("Mitsuba needs an LLVM of version 16 or later: sudo apt-get install libllvm19")
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", new[-1] if new else "")
+        mi.set_variant("llvm_ad_rgb")
         mi.set_log_level(mi.LogLevel.Error)
         from benchmarks.blind.reflection import register
 

@@ -56,6 +56,24 @@ class LateralChromaticAberration(Effect):
         step = self.local(image, camera)
         return replace(image, pixels=applied(image.pixels, [step])) if step else image
 
+    def shifts(self, camera: Camera) -> np.ndarray:
+        """(H, W, 3, 2) px, columns and rows: how far what each channel shows at a pixel was moved."""
+        width, height = camera.sensor.resolution
+        K, unit = camera.K, float(np.hypot(width / 2, height / 2))
+        column, row = np.meshgrid(np.arange(width) - K[0, 2], np.arange(height) - K[1, 2])
+        out = np.zeros((height, width, 3, 2))
+        for channel, c, d, u, v in (
+            (0, self.red, self.red3, self.red_u, self.red_v),
+            (2, self.blue, self.blue3, self.blue_u, self.blue_v),
+        ):
+            there = np.stack([column / unit - u, row / unit - v], axis=-1)
+            r = np.hypot(there[..., 0], there[..., 1])
+            farthest = float(r.max())
+            table = np.linspace(0, farthest, 512)
+            factor = np.interp(r, table, source(c, d, table))[..., None]
+            out[..., channel, :] = unit * (there * (1 - factor) + [u, v])
+        return out
+
     def local(self, image: Image, camera: Camera) -> Local | None:
         """By Lagrange's cubic through 4 x 4 pixels; the shift is a polynomial of r² within ``SHIFT_ERROR``."""
         if image.pixels.shape[2] != 3:

@@ -60,8 +60,16 @@ class Translucency(Effect):
 
 def spread(pixels: np.ndarray, mask: np.ndarray, sigma: float) -> np.ndarray:
     """``pixels`` (H, W, C) blurred by ``sigma`` px rms with what ``mask`` (H, W) holds alone; zero elsewhere."""
-    weight = mask.astype(np.float32)
-    total = cv2.GaussianBlur(pixels * weight[..., None], (0, 0), sigma).reshape(pixels.shape)
-    share = cv2.GaussianBlur(weight, (0, 0), sigma)
-    out = np.divide(total, share[..., None], out=np.zeros_like(total), where=mask[..., None])
-    return np.asarray(out, pixels.dtype)
+    out = np.zeros_like(pixels)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return out
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    inside = mask[box]
+    weight = inside.astype(np.float32)
+    held, share = (
+        cv2.GaussianBlur(plane, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+        for plane in (pixels[box] * weight[..., None], weight)
+    )
+    out[box][inside] = held.reshape(pixels[box].shape)[inside] / share[inside][:, None]
+    return out

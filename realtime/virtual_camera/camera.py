@@ -98,10 +98,13 @@ class VirtualCamera:
     def grab(self) -> bool:
         """Take the next frame: the moment is fixed, the picture is made by ``retrieve``."""
         with self._lock:
-            seconds = self._wait()
-            if seconds is None:
-                return False
-            self._expose(seconds)
+            with self._changed:  # a frame is of the settings before a change, or of those after it
+                seconds = self._wait()
+                if seconds is None:
+                    return False
+                self._number += 1
+                number, settings = self._number, self._settings
+            self._expose(number, seconds, settings)
             return True
 
     def _wait(self) -> float | None:
@@ -109,26 +112,23 @@ class VirtualCamera:
         frame: when it was due, by which all cameras of a scene agree, however late this machine is. None: it never
         came."""
         until = time.monotonic() + self.timeout
-        with self._changed:
-            while self._open:
-                settings, now = self._settings, self.scene.elapsed()
-                if settings.waits:
-                    if self._triggers:
-                        self._triggers -= 1
-                        return (
-                            self._pace.took(now, now, settings.period) if self.scene.live else self._seconds
-                        )
-                    left = until - time.monotonic()
-                    if left <= 0:
-                        return None
-                elif self.scene.live:
-                    due = self._pace.due(settings.period, now)
-                    left = due - now
-                    if left <= 0:
-                        return self._pace.took(now, due, settings.period)
-                else:
-                    return self._seconds
-                self._changed.wait(left)
+        while self._open:
+            settings, now = self._settings, self.scene.elapsed()
+            if settings.waits:
+                if self._triggers:
+                    self._triggers -= 1
+                    return self._pace.took(now, now, settings.period) if self.scene.live else self._seconds
+                left = until - time.monotonic()
+                if left <= 0:
+                    return None
+            elif self.scene.live:
+                due = self._pace.due(settings.period, now)
+                left = due - now
+                if left <= 0:
+                    return self._pace.took(now, due, settings.period)
+            else:
+                return self._seconds
+            self._changed.wait(left)
         return None
 
     def retrieve(self) -> tuple[bool, np.ndarray | None]:
@@ -183,6 +183,12 @@ class VirtualCamera:
             return self._settings
 
     @property
+    def begun(self) -> int:
+        """Number of the frame that was begun last, 0 before any; later ones have the settings that hold now."""
+        with self._changed:
+            return self._number
+
+    @property
     def position(self) -> tuple[int, float]:
         """Number of the frame that was taken last (0: none yet), and the scene's s then."""
         with self._taking:  # a frame is taken, or it is not
@@ -205,17 +211,15 @@ class VirtualCamera:
             self._triggers += 1
             self._changed.notify_all()
 
-    def _expose(self, seconds: float) -> None:
+    def _expose(self, number: int, seconds: float, settings: Settings) -> None:
         with self._lock, self._taking:
-            settings = self._settings
             moment = self.scene.at(seconds)
             stamp = time.time_ns()
-            self._number += 1
             self._seconds += settings.period
             camera = settings.on(moment.scene.camera(self.name))
             path = self._path(moment, settings, camera)
             truth = Truth(
-                self._number,
+                number,
                 stamp,
                 seconds,
                 moment.scene.time,

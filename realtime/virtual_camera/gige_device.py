@@ -54,7 +54,7 @@ class GigeDevice:
         self.controller: tuple[str, int] | None = None
         self.heard = 0.0
         self.acquiring = False
-        self.since = 0  # frames up to this number were taken before the acquisition began
+        self.since = 0  # frames up to this number were begun before the acquisition was
         self.reader = publisher.subscribe(f"{address}:gige")
         self.sent: OrderedDict[int, list[bytes]] = OrderedDict()
         self._stopped = threading.Event()
@@ -82,7 +82,7 @@ class GigeDevice:
         return pixels + (3 * 8 + 8 + self.truth_bytes if self.chunks else 0)
 
     def begin(self) -> None:
-        self.since = self.camera.position[0]
+        self.since = self.camera.begun
         self.acquiring = True
 
     def end(self) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.gap.attribution import confirmed
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.diagnosis import record
@@ -19,6 +20,7 @@ from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_file
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
 from analysis.gap.report import write_report
+from analysis.gap.shrinkage import yardstick
 from analysis.gap.state import State
 from composer.cli import main
 from interchange.captures import Captures, Tolerances
@@ -150,6 +152,31 @@ def test_the_file_is_as_the_contract_has_it(vignetting: Diagnosed) -> None:
     ]  # fmt: skip
     assert list(data["where"]["by_region"][0]) == ["kind", "name", "share"]
     assert data["effects"][0]["stage"] == "optics"
+
+
+def test_held_out_captures_refute_what_makes_them_worse(vignetting: Diagnosed) -> None:
+    """An exposure 5 % off beside the vignetting goes, the vignetting stays."""
+    fitted, held = vignetting.fit, vignetting.held_out
+    assert [c[0] for c in fitted.best.causes] == ["vignetting"]
+    theta = fitted.after.theta.copy()
+    theta[[i for i, t in enumerate(fitted.terms) if t.cause == "exposure"]] += 0.05
+    both = replace(
+        fitted.best, causes=(("exposure", ""), *fitted.best.causes), slabs=(0.1, *fitted.best.slabs)
+    )
+    wrong = replace(
+        fitted,
+        after=replace(fitted.after, theta=theta),
+        hypotheses=(both, *fitted.hypotheses),
+        probability={**fitted.probability, ("exposure", ""): 0.99},
+    )
+    by = yardstick(held, vignetting.simulations.after, 1.0)
+    found = confirmed(wrong, held, by)
+    assert found.best.causes == fitted.best.causes
+    assert found.probability["exposure", ""] == 0
+    assert found.refuted == (("exposure", ""),)
+    assert by.chi2([found.after.simulated(c) for c in held]) == pytest.approx(
+        by.chi2(vignetting.simulations.after), rel=1e-3
+    )
 
 
 def test_the_corrected_scene_has_the_effect(folder: Path, document: Document, vignetting: Diagnosed) -> None:

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.chain_terms import PRODUCT, black_levels, chain_terms, effects_at, signed
+from analysis.gap.chain_terms import PRODUCT, black_levels, chain_terms, dark_current, effects_at, signed
 from analysis.gap.conditions import Condition
+from analysis.gap.corrected import Change, changed
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
@@ -92,10 +93,26 @@ def test_a_number_that_is_almost_nothing_has_a_term_too(condition: Condition) ->
 def test_each_of_several_cameras_has_a_black_level_of_its_own(condition: Condition) -> None:
     other = replace(condition, camera=replace(condition.camera, name="/other"))
     terms = black_levels([condition, other], Tolerances())
-    assert [(t.cause, t.target, t.spike) for t in terms] == [(NUISANCE, n, 1.0) for n in ("/eye", "/other")]
+    assert [(t.cause, t.target) for t in terms] == [(NUISANCE, n) for n in ("/eye", "/other")]
+    shared = next(t for t in chain_terms(State(condition), Tolerances()) if t.cause == "black_level")
+    assert np.hypot(shared.spike, terms[0].spike) == pytest.approx(Tolerances().black_level_dn)
     assert terms[0].field(State(other)) is None
     assert np.asarray(terms[1].field(State(other))).min() == 1
-    assert black_levels([condition], Tolerances()) == []
+
+
+def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condition: Condition) -> None:
+    """100 e-/s at two exposures, by the sensor's own model; of one exposure it is the black level."""
+    longer = replace(condition, camera=replace(condition.camera, t_exp=4.0))
+    assert dark_current([condition, condition], Tolerances()) == []
+    (term,) = dark_current([condition, longer], Tolerances())
+    assert term.candidate == ("black_level", "")
+    for c in (condition, longer):
+        leaks = replace(c.camera, sensor=replace(c.camera.sensor, dark_current=100.0))
+        real = replace(c, camera=leaks).simulated().dn - c.simulated().dn
+        assert 100 * np.asarray(term.field(State(c))) == pytest.approx(real, rel=1e-3)
+    change = Change("black_level", "", {"dark_current": 100.0}, {"dark_current": 0.0})
+    scene = replace(condition.scene, cameras=(condition.camera,))
+    assert changed(scene, scene, change).cameras[0].sensor.dark_current == pytest.approx(100)
 
 
 def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition) -> None:

@@ -102,6 +102,21 @@ def test_a_term_predicts_a_new_rendering(key, effect, theta, miss, found, terms,
     assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.2 if grows else 0.12)
 
 
+def test_a_change_at_places_is_its_image_there(found: list[Condition], knots: Knots) -> None:
+    """On pixels, to 1/32 px of which OpenCV's interpolation rounds places; between them, in the middle."""
+    change = knots.change(found[1].shown, ((ObjectPose(x=1.0), BRACKET),))
+    lamps = {name: np.ones(3) for name in found[1].shown.lamps}
+    size = found[1].camera.sensor.resolution
+    whole = change.radiance(lamps, size)
+    column, row = np.meshgrid(np.arange(0, size[0], 3.0), np.arange(0, size[1], 3.0))
+    assert np.abs(whole[::3, ::3]).max() > 0
+    assert change.at(lamps, size, column, row) == pytest.approx(whole[::3, ::3], abs=1e-5)
+    between = change.at(lamps, size, column[:, :-1] + 0.5, row[:, :-1])
+    assert between == pytest.approx(
+        (whole[::3, :-1:3] + whole[::3, 1::3])[:, : between.shape[1]] / 2, abs=1e-5
+    )
+
+
 def test_a_lamp_that_is_off_shows_nothing(
     found: list[Condition], terms: dict[tuple[str, str, str], Term]
 ) -> None:

@@ -7,8 +7,10 @@ import pytest
 
 from analysis.gap.conditions import Condition
 from analysis.gap.radiance import FINE, Rendered, pixels
-from analysis.gap.state import HERE, State, moved
+from analysis.gap.state import State
+from analysis.gap.views import Views
 from interchange.camera import Camera, Lens, Sensor
+from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
 
@@ -34,13 +36,43 @@ def test_an_edge_moves_by_parts_of_a_pixel(by: float) -> None:
     flow = np.zeros((SIZE[1], SIZE[0], 2))
     flow[..., 0] = by
     want = shown(12.4 + by).lamps[LAMP][4, 4:-4, 0]
-    got = moved(shown(12.4), flow)[HERE].lamps[LAMP][4, 4:-4, 0]
-    alone = moved(replace(shown(12.4), fine={}), flow)[HERE].lamps[LAMP][4, 4:-4, 0]
+    got = Views(shown(12.4), flow, ()).here.lamps[LAMP][4, 4:-4, 0]
+    alone = Views(replace(shown(12.4), fine={}), flow, ()).here.lamps[LAMP][4, 4:-4, 0]
     assert (
         np.abs(got - want).max() < 0.08
     )  # a quarter of a third of a pixel, where the fine grid rounds an edge
     assert got.sum() == pytest.approx(want.sum(), abs=0.01)
     assert np.abs(got - want).sum() < 0.5 * np.abs(alone - want).sum() + 1e-3
+
+
+def test_a_step_of_the_finer_grid_is_a_motion_by_as_much() -> None:
+    flow = np.full((SIZE[1], SIZE[0], 2), 0.0)
+    flow[..., 0] = 1 / FINE
+    want = Views(shown(12.4), flow, ()).here.lamps[LAMP]
+    assert Views(shown(12.4), None, ()).beside((1, 0)).lamps[LAMP] == pytest.approx(want, abs=1e-3)
+    assert Views(shown(12.4), flow, ()).beside((-1, 0)).lamps[LAMP] == pytest.approx(
+        shown(12.4).lamps[LAMP], abs=1e-3
+    )
+
+
+def test_a_colour_moves_by_parts_of_a_pixel() -> None:
+    """As an edge does that lies so far aside; and a step from there is what the chain makes of it."""
+    bare = shown(12.4)
+    camera = replace(bare.camera, sensor=replace(bare.camera.sensor, responsivity=1000.0, full_well=1e4))
+    image = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+    rendered = replace(bare, camera=camera)
+    condition = Condition(
+        (), bare.scene, camera, image, None, np.ones(image.shape[:2], bool), rendered=rendered
+    )
+    red = LateralChromaticAberration(red_u=0.3 / np.hypot(SIZE[0] / 2, SIZE[1] / 2))
+    apart = State(condition, [red])
+    want = shown(12.7).lamps[LAMP]
+    assert apart.shown.lamps[LAMP][..., 0] == pytest.approx(want[..., 0], abs=0.08)
+    assert np.array_equal(apart.shown.lamps[LAMP][..., 1], bare.lamps[LAMP][..., 1])
+    assert apart.simulation.dn == pytest.approx(apart.dn([red]))
+    back = apart.dn([])
+    assert back == pytest.approx(State(condition).simulation.dn, abs=0.12 * float(np.ptp(back)))
+    assert np.abs(back - apart.simulation.dn)[..., 0].max() > 0.2 * np.ptp(back)
 
 
 def test_points_are_finite_where_the_lens_images_nothing() -> None:

@@ -87,6 +87,20 @@ def test_red_and_blue_are_imaged_larger_and_smaller():
             )
 
 
+def test_a_channel_is_moved_by_its_shifts():
+    """A ramp shows where its light comes from: the column, less how far it was moved."""
+    camera = Camera("/eye", sensor=Sensor((100, 80), (5e-6, 5e-6)))
+    effect = LateralChromaticAberration(0.01, -0.006, 0.004, 0.002, red_u=0.003, blue_v=-0.002)
+    column, row = np.meshgrid(np.arange(100.0), np.arange(80.0))
+    moved = effect.shifts(camera)
+    inner = np.s_[8:-8, 8:-8]
+    for axis, ramp in enumerate((column, row)):
+        image = Image(np.repeat(ramp[..., None], 3, axis=2).astype(np.float32), Quantity.RADIANCE, camera)
+        shown = effect.apply(image, camera, None).pixels
+        assert ramp[..., None][inner] - shown[inner] == pytest.approx(moved[..., axis][inner], abs=2e-3)
+    assert np.abs(moved).max() > 0.5
+
+
 @pytest.mark.parametrize("diameter", [0.3, 1.7, 2.9, 3.0, 3.5, 6.5, 20.0])
 def test_a_disc_has_the_second_moment_of_a_disc(diameter):
     """d²/16 along each axis; a disc of few pixels is drawn by 1/16 px, which leaves some per cent."""

@@ -47,7 +47,9 @@ def test_what_is_fitted_is_in_view(orbit: Orbit, low: tuple, size: tuple, aspect
     width = camera.sensor.resolution[0]
     assert (pixels > -0.5).all()
     assert (pixels < (width - 0.5, height - 0.5)).all()
-    assert np.ptp(pixels, axis=0).max() > 0.2 * min(width, height)  # and not lost in it
+    cube = np.array([low, np.add(low, max(size))])  # which is as large from every side
+    camera = orbit.fitted(cube, aspect).camera(width, height)
+    assert np.ptp(camera.project(box(cube).reshape(-1, 3)), axis=0).max() > 0.2 * min(width, height)
 
 
 @given(ORBITS, st.floats(-100, 100), st.floats(-100, 100))

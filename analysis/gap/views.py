@@ -1,0 +1,143 @@
+"""What a camera sees of one arrangement where the image moves and the scene stands elsewhere, lamp by lamp.
+
+Conditions that differ in the lamps' intensities and the exposure alone share it.
+"""
+
+import hashlib
+from collections import OrderedDict
+from dataclasses import replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from analysis.gap.knots import Change
+from analysis.gap.radiance import FINE, Rendered, means, pixels
+from interchange.filtering import resample
+
+KEPT = 6  # views, of which each has its neighbours
+HERE = (0, 0)
+Way = tuple[int, int]  # columns and rows, in steps of the finer grid
+Changes = tuple[tuple[float, Change], ...]  # each with its sign
+
+
+class Views:
+    """``base`` moved by ``flow`` (H, W, 2) px (where things go to, minus where they are), or its channels by one each,
+    (H, W, 3, 2), with ``changes`` added."""
+
+    def __init__(self, base: Rendered, flow: np.ndarray | None, changes: Changes) -> None:
+        self.base, self.flow, self.changes = base, flow, changes
+        self._beside: dict[Way, Rendered] = {}
+
+    @cached_property
+    def here(self) -> Rendered:
+        if self.base.fine and self.flow is not None:
+            return self._finely([HERE])[HERE]
+        return self._changed(_moved(self.base, self.flow), HERE)
+
+    def beside(self, way: Way) -> Rendered:
+        """``way`` further; of a base with a finer grid."""
+        if way not in self._beside:
+            self._beside = self._finely([(1, 0), (-1, 0), (0, 1), (0, -1)])
+        return self._beside[way]
+
+    @cached_property
+    def _added(self) -> dict[str, np.ndarray]:
+        """(H, W, 3) of each lamp whose light changes, where the scene says."""
+        names = dict.fromkeys(name for _, change in self.changes for name in change.lamps)
+        size = (self.base.origin or self.base).camera.sensor.resolution
+        whole = {
+            name: np.sum([sign * c.radiance({name: np.ones(3)}, size) for sign, c in self.changes], axis=0)
+            for name in names
+            if name in self.base.lamps
+        }
+        return {name: means(plane, self.base.coarse) for name, plane in whole.items()}
+
+    def _changed(self, shown: Rendered, way: Way) -> Rendered:
+        lamps = dict(shown.lamps)
+        for name, plane in self._added.items():
+            lamps[name] = np.maximum(lamps[name] + placed(plane, self.flow, way), 0)
+        return replace(shown, lamps=lamps)
+
+    def _finely(self, ways: list[Way]) -> dict[Way, Rendered]:
+        w, h = self.base.camera.sensor.resolution
+        n = next(iter(self.base.fine.values())).shape[0] // h
+        wider = {}
+        place = None if self.flow is None else _places(self.flow, n)
+        for name, plane in self.base.fine.items():
+            there = plane.astype(np.float32)
+            if place is not None:
+                there = _resampled(there, place)
+            wider[name] = cv2.copyMakeBorder(there, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        base = _moved(self.base, self.flow)
+        return {
+            (u, v): self._changed(
+                replace(
+                    base,
+                    lamps={
+                        name: pixels(p[1 - v : 1 - v + n * h, 1 - u : 1 - u + n * w], base.scale, base.camera)
+                        for name, p in wider.items()
+                    },
+                ),
+                (u, v),
+            )
+            for u, v in ways
+        }
+
+
+def seen(base: Rendered, flow: np.ndarray | None, changes: Changes) -> Views:
+    """The last ``KEPT`` are kept."""
+    moved = "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest()
+    key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes))
+    if key not in _kept:
+        _kept[key] = Views(base, flow, changes)
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key]
+
+
+_kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...]], Views] = OrderedDict()
+
+
+def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:
+    """(H, W, 3): what was rendered where the scene says, moved as the image is, and ``way`` further."""
+    if flow is None and way == HERE:
+        return plane
+    h, w = plane.shape[:2]
+    further = np.array(way, np.float32) / FINE
+    flow = np.broadcast_to(further, (h, w, 2)) if flow is None else flow + further
+    return _resampled(plane, _places(flow, 1))
+
+
+Places = list[tuple[np.ndarray, np.ndarray]]  # columns and rows, of all channels or of each
+
+
+def _resampled(plane: np.ndarray, places: Places) -> np.ndarray:
+    if len(places) == 1:
+        return resample(np.ascontiguousarray(plane), *places[0])
+    return np.concatenate([resample(plane[..., c : c + 1], *place) for c, place in enumerate(places)], axis=2)
+
+
+def _places(flow: np.ndarray, n: int) -> Places:
+    """Where each pixel of a grid ``n`` times finer comes from: columns and rows of it."""
+    h, w = flow.shape[:2]
+    column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
+    found = []
+    for own in [flow] if flow.ndim == 3 else [flow[:, :, c] for c in range(flow.shape[2])]:
+        by: np.ndarray = np.ascontiguousarray(n * own, np.float32)
+        if n > 1:
+            by = cv2.resize(by, (n * w, n * h), interpolation=cv2.INTER_LINEAR)
+        found.append((column - by[..., 0], row - by[..., 1]))
+    return found
+
+
+def _moved(shown: Rendered, flow: np.ndarray | None) -> Rendered:
+    if flow is None:
+        return shown
+    return replace(
+        shown,
+        lamps={} if shown.fine else {n: placed(p, flow) for n, p in shown.lamps.items()},
+        rest=placed(shown.rest, flow) if shown.rest.any() else shown.rest,
+        ambient=placed(shown.ambient, flow),
+    )
