@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.left import EDGED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
@@ -21,6 +22,12 @@ NAMED = (
     "vignetting", "defocus", "lateral_chromatic_aberration", "veiling_glare", "motion_blur", "black_level",
     "exposure", "response_curve", "white_balance", "color_crosstalk", "rolling_shutter",
 )  # fmt: skip  # of the file contract's names, those of the chain that change the mean
+EDGES = (
+    "defocus",
+    "lateral_chromatic_aberration",
+    "motion_blur",
+    "rolling_shutter",
+)  # of them, what changes edges
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
@@ -64,7 +71,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     target="",
                     parameter=parameter,
                     unit=about.unit,
-                    spike=absolute.get(name, tolerances.flat_field / 2),
+                    spike=absolute.get(name, tolerances.flat_field * (EDGED if name in EDGES else SMOOTH)),
                     field=_difference(model, parameter, power, start, step, t_exp),
                     relative=name not in absolute,
                     power=power,

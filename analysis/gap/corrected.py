@@ -94,6 +94,8 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         for n, x in change.values.items()
         if n in parameters(model)
     }
+    if not given and DARK not in change.values:
+        return camera
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]
     if start is not None and DARK in change.values:
         s = camera.sensor

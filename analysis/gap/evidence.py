@@ -69,10 +69,14 @@ class Evidence:
             cell = terms[index[0]].family is not None
             together[index] = np.linalg.norm(share[index]) if cell else share[index] * root
         self.together = together
-        self.spike = np.array([
-            t.spike / (all_of_it if t.family is not None else s) if t.relative else t.spike
-            for t, s, all_of_it in zip(terms, share, together, strict=True)
-        ])  # fmt: skip
+        # what calibration leaves is told where a term shows: one capture's gain is as far off where there are many
+        own = np.maximum(equations.own_share, 1e-12)
+        for index in self.members.values():
+            if terms[index[0]].family is not None:
+                own[index] = np.linalg.norm(own[index])
+        self.spike = np.array(
+            [t.spike / s if t.relative else t.spike for t, s in zip(terms, own, strict=True)]
+        )
         # in units of the spikes' widths the matrix is I + D G D, which is as well conditioned as it can be
         A = np.eye(len(terms)) + equations.G * self.spike[:, None] * self.spike[None, :]
         factor = cho_factor(A, lower=True, check_finite=False)

@@ -20,6 +20,7 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Changes
+from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.search import Search, Stand, Told, total_of
 from analysis.gap.state import State
 from analysis.gap.terms import Term
@@ -119,7 +120,7 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
 def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
     """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
     q = len(terms)
-    parts = tuple(_of_terms(p, q) for p in stand.parts)
+    parts = tuple(p.of(np.arange(q)) for p in stand.parts)
     evidence = Evidence(total_of(parts), terms)
     best = stand.best
     theta = evidence.theta(best)
@@ -168,10 +169,6 @@ def believed(
     return out
 
 
-def _of_terms(part: NormalEquations, q: int) -> NormalEquations:
-    return replace(part, G=part.G[:q, :q], b=part.b[:q])
-
-
 def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None) -> list[Term]:
     bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     return [
@@ -186,6 +183,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         *chain_terms(State(bright), tolerances),
         *black_levels(conditions, tolerances),
         *dark_current(conditions, tolerances),
+        *saturation_terms(conditions, tolerances),
         *generic_terms(conditions, tolerances),
     ]
 
@@ -203,7 +201,7 @@ def uncertainty(found: Fit) -> np.ndarray:
     wide = {i for c in best.causes for i in found.evidence.members[c]}
     kept = np.array([i for i, t in enumerate(found.terms) if t.family is None or i in wide])
     terms = [found.terms[i] for i in kept]
-    own = [replace(p, G=p.G[np.ix_(kept, kept)], b=p.b[kept]) for p in found.parts]
+    own = [p.of(kept) for p in found.parts]
     fitted = []
     for k in range(n):
         rest = Evidence(total_of([p for i, p in enumerate(own) if i != k]), terms)

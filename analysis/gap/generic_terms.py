@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
 from analysis.gap.light_terms import surface_coordinates
 from analysis.gap.state import State
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
@@ -20,6 +21,7 @@ ORDER = 5  # cosines a side
 GRID = (12, 9)  # places of an image, columns and rows
 BOX = 8  # places of the scene's longest side
 SPARE = 0.0005  # rms of places, over the signal, that no twin gets right
+UNEVEN = 0.5  # of an albedo's tolerance: how uneven a surface may be that is right on the whole
 PERIODS = 3  # of stripes that are tried
 AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 
@@ -41,21 +43,25 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     t = tolerances
     terms = []
     waves = [(i, j) for i in range(ORDER) for j in range(ORDER) if 0 < i + j < ORDER + 1]
-    spread = np.sqrt(len(waves))
+    part = falling(waves)
+    seldom = UNNAMED * t.flat_field
     cameras = tuple(dict.fromkeys(c.camera.name for c in conditions))
     for camera in cameras:
         for i, j in waves:
             label = f"{i},{j}"
-            terms.append(_term(FACTOR, camera, label, t.flat_field / spread, _image(camera, i, j, True)))
-            terms.append(_term(OFFSET, camera, label, t.flat_field / 6 / spread, _image(camera, i, j, False)))
-    terms += [_term(SURFACE, "", f"{i},{j}", t.albedo / spread, _surface(i, j)) for i, j in waves]
+            own = part[i, j] * t.flat_field
+            terms.append(_term(FACTOR, camera, label, own, _image(camera, i, j, True)))
+            terms.append(_term(OFFSET, camera, label, SMOOTH * own, _image(camera, i, j, False)))
+    terms += [
+        _term(SURFACE, "", f"{i},{j}", UNEVEN * part[i, j] * t.albedo, _surface(i, j)) for i, j in waves
+    ]
     for way, axes in (("turned by 180 degrees", (0, 1)), ("left to right", (1,)), ("top to bottom", (0,))):
-        terms.append(_term(MIRROR, "", way, t.flat_field / 6, _mirrored(axes)))
-    terms.append(_term(SURROUNDINGS, "", "gain", t.flat_field / 6, _surroundings))
-    terms.append(replace(_term(SHARP, "", "gain", t.flat_field / 2, _sharper), low=0.0))
-    terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 2, _capture(c.name)) for c in conditions]
+        terms.append(_term(MIRROR, "", way, seldom, _mirrored(axes)))
+    terms.append(_term(SURROUNDINGS, "", "gain", seldom, _surroundings))
+    terms.append(replace(_term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper), low=0.0))
+    terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 5, _capture(c.name)) for c in conditions]
     for camera in cameras:
-        terms += _waves(camera, conditions, t.flat_field / 6)
+        terms += _waves(camera, conditions, seldom)
     return [*terms, *_places(cameras, conditions)]
 
 

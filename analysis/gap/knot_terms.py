@@ -13,6 +13,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import FLAT, moved_objects, outlines
 from analysis.gap.knots import Change, Knots
+from analysis.gap.left import EDGED
 from analysis.gap.radiance import Changes, means
 from analysis.gap.roundness import is_round
 from analysis.gap.state import State
@@ -92,12 +93,12 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: 
         step = float(f"{1e3 * SIZE * np.median(away):.2g}")  # mm
         for name in ["", *near] if len(near) > 1 else near:
             field = rendered(knots, "light_size", name, "spread", step, lamp=name, together=True, sizes=sizes)
-            terms.append(Term("light_size", name, "spread", "mm", t.flat_field / 2, field,
+            terms.append(Term("light_size", name, "spread", "mm", EDGED * t.flat_field, field,
                               relative=True, low=0.0, kind="scene", step=step))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
     for name in ["", *shading] if len(shading) > 1 else shading:
         field = rendered(knots, "shadow", name, "share", 1.0, lamp=name, together=True, sizes=sizes)
-        terms.append(Term("shadow", name, "share", "1", t.flat_field / 2, field, relative=True, low=0.0))
+        terms.append(Term("shadow", name, "share", "1", EDGED * t.flat_field, field, relative=True, low=0.0))
     return terms
 
 

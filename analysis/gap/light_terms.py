@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.left import REFLECTED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
@@ -27,14 +28,14 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
     if near:
-        terms.append(Term("light_beam", "", "m", "1", t.flat_field / 2, _beam(near), relative=True))
+        terms.append(Term("light_beam", "", "m", "1", SMOOTH * t.flat_field, _beam(near), relative=True))
     terms += [
         Term(
             "fixed to the lamp",
             n,
             "xy"[axis],
             "1",
-            t.flat_field / 2,
+            SMOOTH * t.flat_field,
             _gradient(n, axis),
             relative=True,
             generic=True,
@@ -54,7 +55,7 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
             "",
             _channel(k, channels),
             "W/(m^2 sr)",
-            t.flat_field / 2,
+            SMOOTH * t.flat_field,
             _ambient(k),
             relative=True,
         )
@@ -62,7 +63,16 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     ]
     if any(c.shown.indirect for c in conditions):
         terms.append(
-            Term("interreflection", "", "scale", "1", t.flat_field / 2, _indirect, relative=True, start=1.0)
+            Term(
+                "interreflection",
+                "",
+                "scale",
+                "1",
+                REFLECTED * t.flat_field,
+                _indirect,
+                relative=True,
+                start=1.0,
+            )
         )
     for name in dict.fromkeys(m for c in conditions for m in c.shown.scene.material_names):
         terms += [

@@ -6,31 +6,38 @@
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.generic_terms import UNEVEN
+from analysis.gap.left import EDGED
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
+from interchange.brdf.base import Brdf
 from interchange.captures import Tolerances
 from interchange.effects.texture import WAVES, box_uv
 from interchange.effects.translucency import Translucency, spread
 from interchange.frames import apply
 
 LEAST_PIXELS = 400  # that a material must cover, of an image of 480 x 360
+BODY = (
+    0.5  # of its light: the least share of a body colour whose pattern could be told from what a lobe mirrors
+)
 BLUR_PX = 1.5  # of the step that translucency is told by
 
 
 def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """Of materials that cover enough of some image and have a body colour."""
+    """Of materials that cover enough of some image and show their body more than what it mirrors."""
     covered: dict[str, float] = {}
     for c in conditions:
         ids, names = c.shown.passes["material_id"], c.shown.scene.material_names
         for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
             covered[names[k]] = max(covered.get(names[k], 0.0), n * 480 * 360 / ids.size)
     materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
-    chosen = [n for n, k in covered.items() if k >= LEAST_PIXELS and materials[n].brdf.matte]
-    spike = tolerances.albedo / np.sqrt(len(WAVES))
+    chosen = [n for n, k in covered.items() if k >= LEAST_PIXELS and matte_share(materials[n].brdf) > BODY]
+    spike = UNEVEN * tolerances.albedo / np.sqrt(len(WAVES))
     terms = [
         Term("texture", name, word, "1", spike, _wave(name, i, j))
         for name in chosen
@@ -39,10 +46,25 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     for name in chosen:
         step = _blur_mm(conditions, name)
         terms.append(
-            Term("translucency", name, "sigma", "mm", tolerances.flat_field / 2, _bleeding(name, step),
+            Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),
                  relative=True, low=0.0)
         )  # fmt: skip
     return terms
+
+
+def matte_share(brdf: Brdf) -> float:
+    """Of the light that it reflects to 45 degrees from above, what its body colour gives. By the midpoint rule, steps
+    of 3.75 degrees of height and 7.5 about the normal."""
+    if not brdf.matte:
+        return 0.0
+    height, around = np.deg2rad(np.arange(24) * 3.75 + 1.875), np.deg2rad(np.arange(48) * 7.5)
+    t, p = np.meshgrid(height, around, indexing="ij")
+    wi = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    weight = (np.cos(t) * np.sin(t))[..., None]
+    wo = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    bare = replace(brdf, **{brdf.matte: 0.0 * np.asarray(getattr(brdf, brdf.matte))})  # type: ignore[type-var]
+    whole, lobes = (float((weight * b.evaluate(wi, wo)).sum()) for b in (brdf, bare))
+    return 1 - lobes / whole if whole > 0 else 0.0
 
 
 def _wave(name: str, i: int, j: int) -> Field:

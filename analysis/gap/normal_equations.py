@@ -9,7 +9,7 @@ Residuals of neighbouring pixels go together over ``BLOCK`` px, so one pixel in 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,13 +28,14 @@ ENOUGH = 5000  # pixels of a condition
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled; ``log_w``: Σ log w;
-    ``count`` of values. All tempered."""
+    """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled, and ``own`` (q,): that of the
+    conditions which show a term; ``log_w``: Σ log w; ``count`` of values. All tempered."""
 
     G: np.ndarray
     b: np.ndarray
     rr: float
     signal: float
+    own: np.ndarray
     log_w: float = 0.0
     count: float = 0.0
 
@@ -44,6 +45,7 @@ class NormalEquations:
             self.b + other.b,
             self.rr + other.rr,
             self.signal + other.signal,
+            self.own + other.own,
             self.log_w + other.log_w,
             self.count + other.count,
         )
@@ -52,6 +54,15 @@ class NormalEquations:
     def share(self) -> np.ndarray:
         """(q,): rms that a unit of each term gives to the image, over the signal's."""
         return np.sqrt(np.maximum(np.diag(self.G), 0) / max(self.signal, 1e-30))
+
+    @property
+    def own_share(self) -> np.ndarray:
+        """(q,): the same of the conditions alone that show a term."""
+        return np.sqrt(np.maximum(np.diag(self.G), 0) / np.maximum(self.own, 1e-30))
+
+    def of(self, index: np.ndarray) -> "NormalEquations":
+        """Those of some of the terms."""
+        return replace(self, G=self.G[np.ix_(index, index)], b=self.b[index], own=self.own[index])
 
 
 def variance(state: State) -> np.ndarray:
@@ -98,11 +109,13 @@ def equations(
         SW = S * w[None, :]
         G[np.ix_(many, many)] = (SW @ S.T).toarray()
         b[many] = SW @ r
+    signal = float(np.sum(w * s * s, dtype=np.float64)) / T
     return NormalEquations(
         G=G / T,
         b=b / T,
         rr=float(np.sum(w * r * r, dtype=np.float64)) / T,
-        signal=float(np.sum(w * s * s, dtype=np.float64)) / T,
+        signal=signal,
+        own=np.where(np.diag(G) > 0, signal, 0.0),
         log_w=float(np.log(w, dtype=np.float64).sum()) / T,
         count=len(w) / T,
     )

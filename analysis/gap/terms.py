@@ -35,10 +35,10 @@ class Term:
     camera it is about. ``field(state)`` (h, w, C) DN per unit, or None where the condition does not show it.
 
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
-    it gives to the image, over the signal. ``power``: the parameter is the term to the power 1 / ``power``.
-    ``low``: the least value the term may have. ``kind``: "chain" (an effect in ``interchange.effects``), "flow" (moves
-    the image), "scene" (an effect that is rendered; up to ``step`` it counts as linear), "linear", or "cell" (number
-    ``cell`` of ``family``, which has no ``field``).
+    it gives to the images that show it, over their signal. ``power``: the parameter is the term to the power
+    1 / ``power``. ``low``: the least value the term may have. ``kind``: "chain" (an effect in ``interchange.effects``),
+    "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as linear), "linear", or
+    "cell" (number ``cell`` of ``family``, which has no ``field``).
     """
 
     cause: str
@@ -94,7 +94,8 @@ def _nothing(state: State) -> None:
 
 
 def in_cells(cause: str, target: str, spike: float, family: Family) -> list[Term]:
-    """The terms of a family; ``spike``: rms that all of them together give to the image anyway, over the signal."""
+    """The terms of a family; ``spike``: rms that all of them together give anyway to the images that show them, over
+    their signal."""
     return [
         Term(
             cause, target, place, "1", spike, _nothing, True, kind="cell", generic=True, family=family, cell=k

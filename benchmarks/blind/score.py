@@ -33,7 +33,8 @@ BINS = 15
 @dataclass(frozen=True)
 class Answer:
     """``said`` {name: probability} of named effects; ``unknown`` whether something is called unknown; ``failed``: none
-    was given."""
+    was given; ``smallest`` {name: severity} that the diagnosis claims to find with a probability of 0.9, None for
+    never."""
 
     said: dict[str, float]
     unknown: bool = False
@@ -42,6 +43,7 @@ class Answer:
     parameters: dict[str, dict[str, tuple[float, float]]] | None = None
     chi: tuple[float, float] | None = None
     seconds: float | None = None
+    smallest: dict[str, float | None] | None = None
 
     @property
     def named(self) -> frozenset[str]:
@@ -61,6 +63,7 @@ def answer(file: Path) -> Answer:
         {e["name"]: {k: (v["value"], v["sigma"]) for k, v in e["parameters"].items()} for e in d["effects"]},
         (float(gap["before"]), float(gap["after"])),
         float(d["seconds"]),
+        d.get("smallest", {}),
     )
 
 
@@ -154,6 +157,15 @@ def share(k: int, n: int) -> str:
     return f"{k}/{n} | {100 * k / n:.1f} % | {100 * low:.1f}–{100 * high:.1f} %" if n else "0/0 | – | –"
 
 
+def findable(label: dict[str, Any], a: Answer) -> bool | None:
+    """Whether the diagnosis claims that it would find the one effect of ``label``; None where it says nothing of it."""
+    (effect,) = label["effects"]
+    if effect["name"] not in (a.smallest or {}):
+        return None
+    least = (a.smallest or {})[effect["name"]]
+    return least is not None and float(effect["severity"] or 0) >= least
+
+
 def _wanted(label: dict[str, Any]) -> float:
     return float(max((e["wanted"] for e in label["effects"]), default=0.0))
 
@@ -196,6 +208,9 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
             line(f"{word}, {100 * s:g} %", some, lambda x, a: right(x, a))
             line(f"{word}, {100 * s:g} %, tied as one", some, lambda x, a: right(x, a, True))
     found = by.get("single", [])
+    for claim, word in ((True, "above"), (False, "below")):
+        some = [x for x in found if findable(x, answers[x["case"]]) is claim]
+        line(f"one effect, {word} what it says it finds, exact", some, lambda x, a: right(x, a))
     line("one effect: named, whatever else is", found, lambda x, a: there(x) <= a.named)
     line("one effect: called unknown", found, lambda x, a: a.unknown)
     beyond = by.get("outside", [])

@@ -10,6 +10,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.radiance import Rendered
+from analysis.gap.saturation_terms import KNEES, saturation_terms
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera, Sensor
@@ -125,3 +126,23 @@ def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition)
         assert k1.flow is not None
         moved = np.hypot(*k1.flow(State(off)))
         assert k1.spike * moved.max() == pytest.approx(0.05, rel=0.05)  # the corner pixel's middle
+
+
+def test_a_soft_well_is_about_a_sum_of_knees(condition: Condition) -> None:
+    """A well that loses a quarter of what is above 0.55 of the range, bent over 0.1 of it: to 15 % of its rms; and
+    no knee is looked for where nothing is bright."""
+    L = {k: 1.7 * v for k, v in condition.rendered.lamps.items()}
+    bright = replace(condition, rendered=replace(condition.rendered, lamps=L))
+    state = State(bright)
+    span = 2**SENSOR.bits_out - 1 - SENSOR.black_level
+    assert 0.8 * span < state.signal.max() < span
+    over = (state.signal - 0.55 * span) / (0.05 * span)
+    lost = -0.25 * 0.05 * span * np.logaddexp(0, over)
+    terms = saturation_terms([bright], Tolerances())
+    assert len(terms) == len(KNEES)
+    X = np.stack([t.field(state).ravel() for t in terms], axis=1)
+    a, *_ = np.linalg.lstsq(X, lost.ravel(), rcond=None)
+    left = lost.ravel() - X @ a
+    assert np.sqrt(np.mean(left**2)) < 0.15 * np.sqrt(np.mean(lost**2))
+    dark = replace(condition, rendered=replace(condition.rendered, lamps={k: 0.5 * v for k, v in L.items()}))
+    assert saturation_terms([dark], Tolerances()) == []

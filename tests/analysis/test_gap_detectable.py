@@ -18,7 +18,9 @@ def evidence(n: int = 900) -> Evidence:
     terms = [
         Term(name, "", "p", "1", 0.002, lambda s: None) for name in ("vignetting", "texture", "anisotropy")
     ]
-    return Evidence(NormalEquations(X @ X.T, np.zeros(3), 0.0, n / 0.05**2, 0.0, n), terms)
+    return Evidence(
+        NormalEquations(X @ X.T, np.zeros(3), 0.0, n / 0.05**2, np.full(3, n / 0.05**2), 0.0, n), terms
+    )
 
 
 def probability(e: Evidence, cause: str) -> float:

@@ -20,7 +20,7 @@ def _terms(causes: list[str], spike: float, low: float = -np.inf) -> list[Term]:
 
 
 def _equations(X: np.ndarray, y: np.ndarray) -> NormalEquations:
-    return NormalEquations(X.T @ X, X.T @ y, float(y @ y), float(len(y)))
+    return NormalEquations(X.T @ X, X.T @ y, float(y @ y), float(len(y)), np.full(X.shape[1], float(len(y))))
 
 
 def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:

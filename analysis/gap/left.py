@@ -1,0 +1,23 @@
+"""What calibration leaves of effects that captures.json has no tolerance for, rms over the signal, as parts of the flat
+field's.
+
+Sixteen captured scenes without any effect, by another engine and with the declared errors (benchmarks/blind, and the
+bench's null), are e^90 to e^150 times likelier so than where each effect may do half a flat field's tolerance and each
+family without a name a sixth of it: 0.15 % each, which many of them together multiply. Edges keep more: pixels, lenses
+and renderings agree on them less well than on what is smooth.
+"""
+
+import numpy as np
+
+SMOOTH = 1 / 12  # an effect that is smooth over the image
+EDGED = 1 / 4  # one that changes edges
+REFLECTED = 1 / 4  # light by way of other surfaces, which path tracers leave noise in
+UNNAMED = 1 / 24  # a family that no calibration looks at
+
+
+def falling(waves: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
+    """Shares of a smooth field's rms by its cosines (i, j), whose squares add up to 1: it has the more of a wave the
+    longer that is, as 1 / (i² + j²)."""
+    height = {w: 1.0 / (w[0] ** 2 + w[1] ** 2) for w in waves}
+    total = float(np.sqrt(sum(x * x for x in height.values())))
+    return {w: x / total for w, x in height.items()}

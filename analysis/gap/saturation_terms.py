@@ -1,0 +1,49 @@
+"""Terms of a well that fills up softly: what is lost above a share k of the sensor's range R.
+
+∂S/∂c_k = -max(S - k R, 0)        k in KNEES
+
+Any knee is about a sum of these. A hard one shows in the files themselves (analysis.gap.code_findings).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.left import SMOOTH
+from analysis.gap.state import State
+from analysis.gap.terms import Field, Term
+from interchange.camera import Sensor
+from interchange.captures import Tolerances
+
+KNEES = (0.5, 0.7)  # of the range: below, it is a response curve
+LEAST = 1e-3  # of an image's pixels that must be brighter
+
+
+def saturation_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """Of the knees that enough pixels of some image lie above."""
+    seen = [k for k in KNEES if any(_bright(c, k) for c in conditions)]
+    spike = SMOOTH * tolerances.flat_field / np.sqrt(max(len(seen), 1))
+    return [
+        Term(
+            "saturation", "", f"lost above {100 * k:.0f} % of the range", "1", spike, _lost(k), relative=True
+        )
+        for k in seen
+    ]
+
+
+def _bright(condition: Condition, knee: float) -> bool:
+    model = condition.simulated()
+    return bool((model.dn - model.black > knee * _range(condition.camera.sensor)).mean() > LEAST)
+
+
+def _range(sensor: Sensor) -> float:
+    """DN."""
+    return float(2**sensor.bits_out - 1 - sensor.black_level)
+
+
+def _lost(knee: float) -> Field:
+    def field(s: State) -> np.ndarray:
+        return np.asarray(-np.maximum(s.signal - knee * _range(s.camera.sensor), 0), np.float32)
+
+    return field
