@@ -24,6 +24,7 @@ from interchange.parameter import parameters
 
 GAIN, READ = 0.03, 0.1  # relative errors of gain and read noise that a data sheet leaves
 LEAST_READ = 0.5  # e-, error of a read noise that is small
+LINEAR = 0.7  # of saturation, up to which the standard takes the line whose slope is K
 LEVELS = 24  # of brightness that variances are put together by
 
 
@@ -71,6 +72,10 @@ def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarr
         A = X / sd[:, None]
         theta, *_ = np.linalg.lstsq(A, measured / sd, rcond=None)
     covariance = np.linalg.inv(A.T @ A)
+    theta[0], square = _line(
+        light, measured - theta[1] * still, sd, light <= LINEAR * sheet.full_well * still
+    )
+    covariance *= max(square / covariance[0, 0], 1.0)
     gain, square = float(theta[0]), float(theta[1] / theta[0] ** 2)
     turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
@@ -86,6 +91,17 @@ def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarr
         "read_noise": Number(read, sigma, about.unit),
     }
     return NoiseFinding("sensor_noise", p, numbers)
+
+
+def _line(light: np.ndarray, measured: np.ndarray, sd: np.ndarray, linear: np.ndarray) -> tuple[float, float]:
+    """Slope of a line through the origin and its variance: the standard's, every ``linear`` level with the same weight
+    whatever its own error ``sd``. Levels that lie off the line by more than that make it wider."""
+    if linear.sum() < 2:
+        linear = np.ones(len(light), bool)
+    x, y, own = light[linear], measured[linear], sd[linear]
+    slope = float(x @ y / (x @ x))
+    left = (y - slope * x) ** 2 * len(x) / (len(x) - 1)
+    return slope, float(max(x**2 @ own**2, x**2 @ left) / (x @ x) ** 2)
 
 
 def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, float, float]]:

@@ -18,7 +18,7 @@ from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.state import State
 from analysis.gap.terms import Term
 
-SIGNAL, GRADIENT, FLOOR = 0.002, 0.025, 0.0015  # f_s, f_g px, f_0
+SIGNAL, GRADIENT, FLOOR = 0.002, 0.025, 0.001  # f_s, f_g px, f_0
 SAMPLED = (
     0.6  # px: an edge's error by N stratified samples a pixel is SAMPLED N^(-3/4). Mitchell, SIGGRAPH 1996
 )

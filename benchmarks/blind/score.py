@@ -210,7 +210,9 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     found = by.get("single", [])
     for claim, word in ((True, "above"), (False, "below")):
         some = [x for x in found if findable(x, answers[x["case"]]) is claim]
-        line(f"one effect, {word} what it says it finds, exact", some, lambda x, a: right(x, a))
+        line(
+            f"one effect, {word} what it says it finds at its easiest, exact", some, lambda x, a: right(x, a)
+        )
     line("one effect: named, whatever else is", found, lambda x, a: there(x) <= a.named)
     line("one effect: called unknown", found, lambda x, a: a.unknown)
     beyond = by.get("outside", [])

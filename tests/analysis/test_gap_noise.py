@@ -8,7 +8,7 @@ import pytest
 from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import fixed_pattern
-from analysis.gap.noise import noise_findings, sensor_noise, with_black_level
+from analysis.gap.noise import _line, noise_findings, sensor_noise, with_black_level
 from analysis.gap.noise_finding import probability
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera, Sensor
@@ -87,6 +87,23 @@ def test_gain_and_read_noise_lie_within_their_intervals() -> None:
         z.append(((K.value - (4095 - 64) / 9e3) / K.sigma, (read.value - 9) / read.sigma))
     assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5
     assert np.abs(np.mean(z, axis=0)).max() < 3 / np.sqrt(12)
+
+
+def test_gain_is_the_slope_of_the_standards_line() -> None:
+    """Levels that lie 5 % off a line, the dim ones known best: every one counts the same, up to 70 % of saturation, and
+    the line is as uncertain as they scatter about it."""
+    light = np.linspace(1, 10, 10)
+    measured = light * np.where(np.arange(10) % 2, 1.05, 0.95)
+    linear = light <= 7
+    slope, square = _line(light, measured, 0.01 * light, linear)
+    x, y = light[linear], measured[linear]
+    assert slope == pytest.approx(np.linalg.lstsq(x[:, None], y, rcond=None)[0][0])
+    assert slope != pytest.approx(np.mean(y / x), abs=0.01)  # by each one's own error
+    one = np.sqrt(np.sum((x * (y - slope * x)) ** 2) * 7 / 6) / np.sum(x**2)
+    assert np.sqrt(square) == pytest.approx(one)
+    assert _line(light, 2 * light, 0.01 * light, linear) == pytest.approx(
+        (2, np.sum((0.01 * x * x) ** 2) / np.sum(x**2) ** 2)
+    )
 
 
 def test_what_is_cut_at_zero_tells_nothing_of_noise() -> None:

@@ -384,8 +384,8 @@ def test_a_page_lists_every_miss(tmp_path: Path):
     page = table(labels, answers)
     assert "| nulls: false alarm, any effect or unknown | 1/2 | 50.0 % | 1.3–98.7 % |" in page
     assert "| one effect, exact, 1 % | 1/2 | 50.0 %" in page
-    assert "| one effect, above what it says it finds, exact | 1/1 |" in page
-    assert "| one effect, below what it says it finds, exact | 0/1 |" in page
+    assert "| one effect, above what it says it finds at its easiest, exact | 1/1 |" in page
+    assert "| one effect, below what it says it finds at its easiest, exact | 0/1 |" in page
     assert "| confident (p > 0.9) and wrong, all cases | 2/6 |" in page
     assert "| parameters inside their 95 % interval | 1/1, 100.0 %" in page
     missed = page.split("Every case")[1]
