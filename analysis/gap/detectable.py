@@ -70,7 +70,7 @@ def _seen(evidence: Evidence, b: np.ndarray) -> Evidence:
     out: Evidence = object.__new__(Evidence)
     out.__dict__.update(evidence.__dict__)
     equations: NormalEquations = replace(evidence.e, b=b)
-    out.e, out.known = equations, {}
-    out.z = evidence.C @ (b * evidence.spike)
-    out.log_Z = 0.5 * float(b * evidence.spike @ out.z)
+    out.e, out.known, out.in_force = equations, {}, ()
+    z = evidence.C @ (b * evidence.spike)
+    out.straight = {frozenset(): (z, 0.5 * float(b * evidence.spike @ z))}
     return out

@@ -19,6 +19,7 @@ from analysis.gap.attribution import (
     attribution,
     confirmed,
     waterfall,
+    without,
 )
 from analysis.gap.chain_terms import PRODUCT, signed
 from analysis.gap.code_findings import without_flat_tops
@@ -163,7 +164,8 @@ def diagnose(
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = taken.chi2.get(carried & frozenset(taken.players), shrunk.before**2)
-        check = verified(scene_file, held, fitted.before, by, claim**0.5, render, settings, cache, told)
+        errors = without(fitted, fitted.best.causes)
+        check = verified(scene_file, held, errors, by, claim**0.5, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = [*_refuted(fitted), *_notes(all_of_them, where, tried, left)]
     if check is not None and check.sentence:

@@ -48,8 +48,17 @@ class Hypothesis:
 
 
 class Evidence:
-    def __init__(self, equations: NormalEquations, terms: Sequence[Term]) -> None:
-        self.e, self.terms = equations, list(terms)
+    """``in_force``: the causes of ``equations.bends``, in their order. ``spikes``: those of the first terms, where they
+    are known."""
+
+    def __init__(
+        self,
+        equations: NormalEquations,
+        terms: Sequence[Term],
+        in_force: Sequence[Cause] = (),
+        spikes: np.ndarray | None = None,
+    ) -> None:
+        self.e, self.terms, self.in_force = equations, list(terms), tuple(in_force)
         share = np.maximum(equations.share, 1e-12)
         self.share = share
         self.seen = equations.share > 0
@@ -77,14 +86,29 @@ class Evidence:
         self.spike = np.array(
             [t.spike / s if t.relative else t.spike for t, s in zip(terms, own, strict=True)]
         )
+        if spikes is not None:
+            self.spike[: len(spikes)] = spikes
         # in units of the spikes' widths the matrix is I + D G D, which is as well conditioned as it can be
         A = np.eye(len(terms)) + equations.G * self.spike[:, None] * self.spike[None, :]
         factor = cho_factor(A, lower=True, check_finite=False)
         self.C = cho_solve(factor, np.eye(len(A)), check_finite=False)
-        self.z = self.C @ (equations.b * self.spike)
-        self.log_Z = 0.5 * float(equations.b * self.spike @ self.z) - float(np.log(np.diag(factor[0])).sum())
-        self.log_Z += 0.5 * (equations.log_w - equations.rr)
+        self.constant = 0.5 * equations.log_w - float(np.log(np.diag(factor[0])).sum())
+        self.straight: dict[frozenset[Cause], tuple[np.ndarray, float]] = {}
         self.known: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Hypothesis] = {}
+
+    def _all_spikes(self, causes: Iterable[Cause]) -> tuple[np.ndarray, float]:
+        """C b and log Z with every term at its spike, of what a hypothesis with ``causes`` has to explain: where causes
+        are in force that it lacks, what they bend goes into its residual."""
+        absent = frozenset(self.in_force) - frozenset(causes)
+        if absent not in self.straight:
+            b, rr, bends = self.e.b, self.e.rr, self.e.bends
+            if absent and bends is not None:
+                k = [i for i, c in enumerate(self.in_force) if c in absent]
+                b = b + bends.b[k].sum(axis=0)
+                rr = rr + 2 * float(bends.r[k].sum()) + float(bends.N[np.ix_(k, k)].sum())
+            z = self.C @ (b * self.spike)
+            self.straight[absent] = z, self.constant + 0.5 * (float(b * self.spike @ z) - rr)
+        return self.straight[absent]
 
     def _wide(self, causes: Sequence[Cause], slabs: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         """Indices of the terms that are wide, and how many times wider than their spikes they are."""
@@ -106,12 +130,13 @@ class Evidence:
         if key in self.known:
             return self.known[key]
         wide, ratio, solved, log_det = self._solved(causes, slabs)
-        log_Z = self.log_Z - 0.5 * float(self.z[wide] @ solved)
+        z, log_Z = self._all_spikes(causes)
+        log_Z -= 0.5 * float(z[wide] @ solved)
         log_Z += -0.5 * log_det - float(np.log(ratio).sum())
         log_Z -= sum(float(np.log(len(SLABS) * self.ways[c])) for c in causes)
         if np.isfinite(self.low[wide]).any():
             inside = self.C[np.ix_(wide, wide)]
-            theta = (self.z[wide] - inside @ solved) * self.spike[wide]
+            theta = (z[wide] - inside @ solved) * self.spike[wide]
             inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + inside)
             sigma = self.spike[wide] * np.sqrt(np.maximum(np.diag(inside - inside @ inner @ inside), 0))
             if (theta < self.low[wide] - 2 * np.maximum(self.spike[wide], sigma)).any():
@@ -132,12 +157,17 @@ class Evidence:
         inner[np.diag_indices(len(wide))] += 1.0
         lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
         log_det = float(np.log(np.abs(np.diag(lu))).sum())
-        return wide, ratio, lu_solve((lu, pivots), delta * self.z[wide], check_finite=False), log_det
+        return (
+            wide,
+            ratio,
+            lu_solve((lu, pivots), delta * self._all_spikes(causes)[0][wide], check_finite=False),
+            log_det,
+        )
 
     def theta(self, h: Hypothesis) -> np.ndarray:
         """(q,): posterior mean of every term under a hypothesis."""
         wide, _, solved, _ = self._solved(h.causes, h.slabs)
-        return np.asarray((self.z - self.C[:, wide] @ solved) * self.spike)
+        return np.asarray((self._all_spikes(h.causes)[0] - self.C[:, wide] @ solved) * self.spike)
 
     def sigma(self, h: Hypothesis) -> np.ndarray:
         """(q,): standard deviation of every term under a hypothesis."""

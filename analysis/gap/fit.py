@@ -31,6 +31,7 @@ Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 STARTS = 4
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
+NEARLY = 0.9  # of what is hoped for: a single cause that gains so much is followed first, and is all if it stays alone
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -95,9 +96,15 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     def clear(stand: Stand) -> bool:
         return stand.best.score - none.score > CLEAR * hoped
 
+    alone = search.alone(first)
+    if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
+        stand = search.followed(first, alone, "fit 1")
+        if stand.best.causes == alone.hypothesis.causes:
+            return [stand]
     moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
     starts = [*moves, *search.starts(first)]
     stands: list[Stand] = []
+    astray: list[Stand] = []
     for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
         causes, what = start.hypothesis.causes, f"fit {k + 1}"
         if any(set(causes) == set(s.best.causes) for s in stands):
@@ -109,19 +116,23 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             if clear(stand) and may_redraw and search.far(stand):
                 return [*stands, stand]  # the renderer goes on from there
             stand = search.gone_on(stand, what, stands)
-            if stand.best.causes == causes or clear(stand):
+            single = len(stand.best.causes) == 1 and clear(stand)
+            if stand.is_its_own and (stand.best.causes == causes or single):
                 return [*stands, stand]
+        if not stand.is_its_own:
+            astray.append(stand)
+            continue
         if any(s.best.causes == stand.best.causes for s in stands):
             return [*stands, stand]
         stands.append(stand)
-    return stands
+    return stands or astray
 
 
 def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
     """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
     q = len(terms)
     parts = tuple(p.of(np.arange(q)) for p in stand.parts)
-    evidence = Evidence(total_of(parts), terms)
+    evidence = Evidence(total_of(parts), terms, spikes=stand.evidence.spike[:q])
     best = stand.best
     theta = evidence.theta(best)
     cause = np.zeros(q, bool)

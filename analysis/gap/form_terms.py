@@ -32,10 +32,12 @@ DISPLACED = ("to the right of it", "below it", "wider")
 @dataclass(frozen=True, eq=False)
 class Changed:
     """What a cause changes in a condition: ``dn`` (h, w, C); ``moved``: what more it would be ``DISPLACED`` by 1 px, or
-    1 px²; nothing where it moves nothing in the image."""
+    1 px²; nothing where it moves nothing in the image. ``bend``: what it changes beyond a straight line from nothing to
+    where it is in force; None where it is in force nowhere."""
 
     dn: np.ndarray
     moved: dict[str, np.ndarray]
+    bend: np.ndarray | None = None
 
 
 Change = dict[str, Changed]  # by the condition's name

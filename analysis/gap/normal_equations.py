@@ -27,6 +27,19 @@ ENOUGH = 5000  # pixels of a condition
 
 
 @dataclass(frozen=True, eq=False)
+class Bends:
+    """What k causes that are in force change beyond a straight line from nothing, N_c = Δ_c - X_c θ_c: a hypothesis
+    without a cause has N_c in its residual besides. ``b`` (k, q): X' W N, ``r`` (k,): N' W r, ``N`` (k, k): N' W N."""
+
+    b: np.ndarray
+    r: np.ndarray
+    N: np.ndarray
+
+    def __add__(self, other: "Bends") -> "Bends":
+        return Bends(self.b + other.b, self.r + other.r, self.N + other.N)
+
+
+@dataclass(frozen=True, eq=False)
 class NormalEquations:
     """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled, and ``own`` (q,): that of the
     conditions which show a term; ``log_w``: Σ log w; ``count`` of values. All tempered."""
@@ -38,6 +51,7 @@ class NormalEquations:
     own: np.ndarray
     log_w: float = 0.0
     count: float = 0.0
+    bends: Bends | None = None
 
     def __add__(self, other: "NormalEquations") -> "NormalEquations":
         return NormalEquations(
@@ -48,6 +62,7 @@ class NormalEquations:
             self.own + other.own,
             self.log_w + other.log_w,
             self.count + other.count,
+            self.bends + other.bends if self.bends is not None and other.bends is not None else None,
         )
 
     @property
@@ -62,7 +77,10 @@ class NormalEquations:
 
     def of(self, index: np.ndarray) -> "NormalEquations":
         """Those of some of the terms."""
-        return replace(self, G=self.G[np.ix_(index, index)], b=self.b[index], own=self.own[index])
+        bends = self.bends and replace(self.bends, b=self.bends.b[:, index])
+        return replace(
+            self, G=self.G[np.ix_(index, index)], b=self.b[index], own=self.own[index], bends=bends
+        )
 
 
 def variance(state: State) -> np.ndarray:
@@ -82,12 +100,13 @@ def equations(
     theta: np.ndarray,
     doubt: np.ndarray | None = None,
     drawn: Sensitivities | None = None,
+    bends: Sequence[np.ndarray] = (),
 ) -> NormalEquations:
     """Of one condition. ``theta`` (q,): where the chain, the flow and the scene of ``state`` stand; terms count from
     zero.
 
     ``doubt`` (h, w, C) DN²: variance that the forms of effects leave, beside ``variance``. ``drawn``: sensitivities
-    that are known.
+    that are known. ``bends``: N_c (h, w, C) DN of each cause that is in force (``Bends``).
     """
     mask = state.usable
     if drawn is None:
@@ -109,6 +128,15 @@ def equations(
         SW = S * w[None, :]
         G[np.ix_(many, many)] = (SW @ S.T).toarray()
         b[many] = SW @ r
+    bent = None
+    if bends:
+        N = np.stack([x[mask].reshape(-1) for x in bends]).astype(np.float32)
+        NW = N * w
+        across = np.zeros((len(N), q))
+        across[:, few] = NW @ X.T
+        if S is not None:
+            across[:, many] = np.asarray(S @ NW.T).T
+        bent = Bends(across / T, (NW @ r).astype(np.float64) / T, (NW @ N.T).astype(np.float64) / T)
     signal = float(np.sum(w * s * s, dtype=np.float64)) / T
     return NormalEquations(
         G=G / T,
@@ -118,6 +146,7 @@ def equations(
         own=np.where(np.diag(G) > 0, signal, 0.0),
         log_w=float(np.log(w, dtype=np.float64).sum()) / T,
         count=len(w) / T,
+        bends=bent,
     )
 
 

@@ -50,6 +50,12 @@ class Stand:
     def best(self) -> Hypothesis:
         return self.hypotheses[0]
 
+    @property
+    def is_its_own(self) -> bool:
+        """Whether the best hypothesis has the causes whose forms are in doubt here: one without them has their doubt
+        for nothing, and its log Z is not to be compared with another stand's."""
+        return set(self.evidence.in_force) <= set(self.best.causes)
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -68,6 +74,9 @@ class Search:
         self.conditions, self.terms, self.knots, self.told = conditions, terms, knots, told
         self.stride = stride_for(conditions)
         self.q = len(terms)
+        self.spikes: np.ndarray | None = (
+            None  # of the terms, at the first stand: tolerances do not grow with a blur
+        )
         self.registering = {
             i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
         }
@@ -120,6 +129,13 @@ class Search:
         taken = set(hypotheses[0].causes)
         found += [h for h in hypotheses if h.causes and not taken & set(h.causes) and h not in found][:1]
         return [Start(h, self._beginning(h, first)) for h in found]
+
+    def alone(self, first: Stand) -> Start | None:
+        """The best single cause that has a name."""
+        generic = {t.candidate for t in self.terms if t.generic}
+        single = (h for h in first.hypotheses if len(h.causes) == 1 and h.causes[0] not in generic)
+        h = next(single, None)
+        return None if h is None else Start(h, self._beginning(h, first))
 
     def start_of(self, h: Hypothesis, stand: Stand) -> np.ndarray:
         """Where a hypothesis is followed from at a stand."""
@@ -192,7 +208,7 @@ class Search:
                 if state.usable.any():
                     near[c.name] = sensitivities(state, terms, near.get(c.name), redrawn)
                     parts.append(equations(state, terms, at[own], drawn=near[c.name]))
-            there = Evidence(total_of(parts), terms)
+            there = Evidence(total_of(parts), terms, spikes=None if self.spikes is None else self.spikes[own])
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
             if found is None or found.score < best:  # too far: half the way from where it was better
                 step /= 2
@@ -277,13 +293,15 @@ class Search:
         for c in self.conditions:
             state = model.state(c, self.stride)
             change = added(state, own, (model.theta - model.at)[index])
-            moved = {}
+            moved, bend = {}, None
             if model.at[index].any():
                 whole = state.simulation.dn - without.state(c).simulation.dn
-                change = change + state.take(whole)
+                there = state.take(whole)
+                change = change + there
+                bend = np.asarray(there - added(state, own, model.at[index]), np.float32)
                 if chain:
                     moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
-            out[c.name] = Changed(np.asarray(change, np.float32), moved)
+            out[c.name] = Changed(np.asarray(change, np.float32), moved, bend)
         return out
 
     def stand(
@@ -309,11 +327,24 @@ class Search:
             drawn = sensitivities(state, self.terms, before, anew)
             now[condition.name] = drawn
             doubted = doubt(list(changes.values()), state)
-            parts.append(equations(state, every, at_all, doubted, drawn.and_also(state, forms)))
+            bends = [change[condition.name].bend for change in changes.values()]
+            straight = np.zeros_like(state.signal)
+            parts.append(
+                equations(
+                    state,
+                    every,
+                    at_all,
+                    doubted,
+                    drawn.and_also(state, forms),
+                    [straight if b is None else b for b in bends],
+                )
+            )
             self.told(what, (k + 1) / len(self.conditions))
         if not parts:
             raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
-        evidence = Evidence(total_of(parts), every)
+        evidence = Evidence(total_of(parts), every, tuple(changes), self.spikes)
+        if self.spikes is None:
+            self.spikes = evidence.spike[: self.q]
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 

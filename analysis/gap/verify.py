@@ -4,8 +4,8 @@ The diagnosis predicts χ after correction from sensitivities. Here the written 
 scenes rendered by the same renderer, and χ is measured with the same pixels and the same σ as before.
 
 Calibration's errors within the tolerances are in no scene file, so both sides get them alike: the numbers that were
-fitted for them (``Fit.before``: registration, lamps, albedos, flat field within their tolerances) are put onto the new
-rendering as they were put onto the old one. They were fitted to other captures than those that are measured here. χ
+fitted for them beside the effects (registration, lamps, albedos, flat field within their tolerances) are put onto the
+new rendering as they were put onto the old one. They were fitted to other captures than those that are measured here. χ
 of the corrected file as it is, without them, is told too.
 """
 
