@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import confirmed
+from analysis.gap.attribution import confirmed, without
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.diagnosis import record
@@ -177,6 +177,18 @@ def test_held_out_captures_refute_what_makes_them_worse(vignetting: Diagnosed) -
     assert by.chi2([found.after.simulated(c) for c in held]) == pytest.approx(
         by.chi2(vignetting.simulations.after), rel=1e-3
     )
+
+
+def test_without_the_effects_calibrations_errors_are_left(vignetting: Diagnosed) -> None:
+    """Those are what verification puts onto the corrected scene, whatever ``before`` is."""
+    fitted = vignetting.fit
+    assert np.abs(fitted.after.theta).max() > 0
+    zero = np.zeros(len(fitted.terms))
+    written = replace(fitted, before=replace(fitted.before, theta=zero, at=zero))
+    for c in vignetting.held_out:
+        left = without(written, fitted.best.causes).simulated(c)
+        assert left == pytest.approx(fitted.before.simulated(c), abs=1e-3)
+        assert np.abs(left - c.simulated().dn).max() > 0.1
 
 
 def test_the_corrected_scene_has_the_effect(folder: Path, document: Document, vignetting: Diagnosed) -> None:

@@ -1,6 +1,7 @@
 """The diagnosis's arithmetic against closed forms."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.stats import multivariate_normal
 from analysis.gap.evidence import SLABS, Evidence, posterior
 from analysis.gap.fit import believed
 from analysis.gap.ledger import bands, fixed_to
-from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.normal_equations import Bends, NormalEquations
 from analysis.gap.regions import ZONES, zones
 from analysis.gap.terms import Term
 
@@ -43,6 +44,23 @@ def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
     A = X.T @ X + np.diag([1 / wide.get(i, 0.01) ** 2 for i in range(5)])
     assert evidence.theta(both) == pytest.approx(np.linalg.solve(A, X.T @ y), abs=1e-10)
     assert evidence.sigma(both) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(A))), rel=1e-8)
+
+
+def test_what_a_cause_bends_is_charged_to_hypotheses_without_it(rng: np.random.Generator) -> None:
+    """They have it in their residual, as if the captures were so; those with the cause have not. Spikes that are known
+    stay."""
+    X, y, bend = rng.standard_normal((40, 3)), rng.standard_normal(40), rng.standard_normal(40)
+    terms = _terms(["a", "b", "c"], 0.01)
+    bends = Bends((X.T @ bend)[None], np.array([bend @ y]), np.array([[bend @ bend]]))
+    there = Evidence(replace(_equations(X, y), bends=bends), terms, (("b", ""),), np.array([0.03, 0.01]))
+    for captured, causes in ((y + bend, [(), (("a", ""),)]), (y, [(("b", ""),), (("b", ""), ("c", ""))])):
+        plain = Evidence(_equations(X, captured), terms, spikes=np.array([0.03, 0.01]))
+        assert plain.spike == pytest.approx([0.03, 0.01, 0.01])
+        for h in causes:
+            slabs = (0.03,) * len(h)
+            one, other = there.at(h, slabs), plain.at(h, slabs)
+            assert one.log_Z == pytest.approx(other.log_Z, abs=1e-9)
+            assert there.theta(one) == pytest.approx(plain.theta(other), abs=1e-9)
 
 
 def test_the_search_finds_two_causes_among_many(rng: np.random.Generator) -> None:
