@@ -18,6 +18,7 @@ from interchange.captures import Tolerances
 from interchange.effects.parts import bounds
 
 Way = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+EACH = 0.6  # of the registration's tolerance: turns, shifts, the principal point and what undoes itself add up to it
 MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
 STEEP, EDGES = 0.05, 1e-3  # of the light a px; share of the image
 ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
@@ -30,8 +31,9 @@ LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
 def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     terms: list[Term] = []
+    px = EACH * tolerances.registration_px
     for name in dict.fromkeys(stand(c) for c in conditions):
-        terms += _pose(name, next(c for c in conditions if stand(c) == name), tolerances.registration_px)
+        terms += _pose(name, next(c for c in conditions if stand(c) == name), px)
     for name in dict.fromkeys(c.camera.name for c in conditions):
         for axis, parameter in enumerate(("cx", "cy")):
 
@@ -41,12 +43,12 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
                 one, nothing = np.ones(s.grid[0].shape), np.zeros(s.grid[0].shape)
                 return (one, nothing) if axis == 0 else (nothing, one)
 
-            terms.append(moving("principal_point", name, parameter, "px", tolerances.registration_px, flow))
-    terms += _lens(conditions[0], tolerances.registration_px)
+            terms.append(moving("principal_point", name, parameter, "px", px, flow))
+    terms += _lens(conditions[0], px)
     for name in dict.fromkeys(c.camera.name for c in conditions):
         first = next(c for c in conditions if c.camera.name == name)
-        terms += _undone(name, _farthest(first), tolerances.registration_px)
-    terms += _read_out(conditions, tolerances.registration_px)
+        terms += _undone(name, _farthest(first), px)
+    terms += _read_out(conditions, px)
     if not any(has_edges(c) for c in conditions):
         terms = [replace(t, cause=NUISANCE) for t in terms]
     return terms
