@@ -10,6 +10,7 @@ and renderings agree on them less well than on what is smooth.
 import numpy as np
 
 SMOOTH = 1 / 12  # an effect that is smooth over the image
+LAMP = 1 / 3  # a lamp's beam, which is measured as a flat field is
 EDGED = 1 / 4  # one that changes edges
 REFLECTED = 1 / 4  # light by way of other surfaces, which path tracers leave noise in
 UNNAMED = 1 / 24  # a family that no calibration looks at

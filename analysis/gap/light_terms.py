@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.left import REFLECTED, SMOOTH
+from analysis.gap.left import LAMP, REFLECTED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
@@ -28,14 +28,14 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
     if near:
-        terms.append(Term("light_beam", "", "m", "1", SMOOTH * t.flat_field, _beam(near), relative=True))
+        terms.append(Term("light_beam", "", "m", "1", LAMP * t.flat_field, _beam(near), relative=True))
     terms += [
         Term(
             "fixed to the lamp",
             n,
             "xy"[axis],
             "1",
-            SMOOTH * t.flat_field,
+            LAMP * t.flat_field,
             _gradient(n, axis),
             relative=True,
             generic=True,
