@@ -8,7 +8,7 @@ import pytest
 from analysis.gap.chain_terms import PRODUCT, black_levels, chain_terms, dark_current, effects_at, signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
-from analysis.gap.geometry_terms import geometry_terms
+from analysis.gap.geometry_terms import EACH, geometry_terms
 from analysis.gap.radiance import Rendered
 from analysis.gap.saturation_terms import KNEES, saturation_terms
 from analysis.gap.state import State
@@ -117,7 +117,7 @@ def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condi
 
 
 def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition) -> None:
-    """A tolerance's worth of k1 moves the farthest corner by the declared px, wherever the axis is."""
+    """A tolerance's worth of k1 moves the farthest corner by its part of the declared px, wherever the axis is."""
     passes = {"depth": np.ones(SIZE[::-1])}
     there = replace(condition, rendered=replace(condition.shown, passes=passes))
     for center in ((47.5, 35.5), (-200.0, 35.5)):
@@ -125,7 +125,7 @@ def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition)
         (k1,) = (t for t in geometry_terms([off], Tolerances()) if t.parameter == "k1")
         assert k1.flow is not None
         moved = np.hypot(*k1.flow(State(off)))
-        assert k1.spike * moved.max() == pytest.approx(0.05, rel=0.05)  # the corner pixel's middle
+        assert k1.spike * moved.max() == pytest.approx(EACH * 0.05, rel=0.05)  # the corner pixel's middle
 
 
 def test_a_soft_well_is_about_a_sum_of_knees(condition: Condition) -> None:
