@@ -34,17 +34,23 @@ class Quality:
     margin: int = MARGIN
 
 
+def llvm() -> str:
+    """The library that Mitsuba compiles with, of version 16 or later; "" where there is none."""
+    given = os.environ.get("DRJIT_LIBLLVM_PATH", "")
+    found = sorted(glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*"))
+    new = [f for f in found if any(f"{v}" in os.path.basename(f) for v in range(16, 22))]
+    return given or (new[-1] if new else "")
+
+
 def start() -> Any:
-    """Mitsuba; SystemExit where no LLVM of version 16 or later is there, which it compiles with."""
+    """Mitsuba; SystemExit where its LLVM is missing."""
     global _ready
     import mitsuba as mi
 
     if not _ready:
-        found = sorted(glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*"))
-        new = [f for f in found if any(f"{v}" in os.path.basename(f) for v in range(16, 22))]
-        if not new and "DRJIT_LIBLLVM_PATH" not in os.environ:
+        os.environ["DRJIT_LIBLLVM_PATH"] = llvm()
+        if not llvm():
             raise SystemExit("Mitsuba needs an LLVM of version 16 or later: sudo apt-get install libllvm19")
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", new[-1] if new else "")
         mi.set_variant("llvm_ad_rgb")
         mi.set_log_level(mi.LogLevel.Error)
         from benchmarks.blind.reflection import register
