@@ -1,8 +1,8 @@
 """What calibration leaves of effects that captures.json has no tolerance for, rms over the signal, as parts of the flat
 field's.
 
-Sixteen captured scenes without any effect, by another engine and with the declared errors (benchmarks/blind, and the
-bench's null), are e^90 to e^150 times likelier so than where each effect may do half a flat field's tolerance and each
+Fifteen captured scenes without any effect, by another engine and with the declared errors (benchmarks/blind, and the
+bench's null), are e^110 to e^175 times likelier so than where each effect may do half a flat field's tolerance and each
 family without a name a sixth of it: 0.15 % each, which many of them together multiply. Edges keep more: pixels, lenses
 and renderings agree on them less well than on what is smooth.
 """
