@@ -1,4 +1,5 @@
-"""Terms of every effect in ``interchange.effects`` that changes the mean image: differences of the chain itself.
+"""Terms of every effect in ``interchange.effects`` that changes the mean image: differences of the chain itself, but
+for what acts within a pixel (analysis.gap.subpixel_terms).
 
 Which parameters there are, their units and their bounds, the effects' own files say. Where an effect grows with the
 square of its parameter (a blur's width) the term is the square.
@@ -13,6 +14,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH
 from analysis.gap.state import State
+from analysis.gap.subpixel_terms import PRODUCT, across, subpixel
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
@@ -31,7 +33,7 @@ EDGES = (
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
-PRODUCT, CROSS_STEP = "u v", 0.7  # px²; px, of the step that it is told by
+CROSS_STEP = 0.7  # px, of the step that a path's product is told by
 SHARED = 0.7  # of a black level's tolerance, by all cameras
 DARK = "dark_current"  # of the black level
 APART = 2.0  # times, from which on exposures tell it from the level
@@ -43,6 +45,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     base = state.dn(())
     signal = float(np.sqrt(np.mean((base - state.simulation.black) ** 2))) or 1.0
     absolute = {"black_level": SHARED * tolerances.black_level_dn, "exposure": tolerances.light_intensity / 5}
+    finely = bool(state.base.fine)
     terms = []
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]
@@ -52,19 +55,14 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                 continue
             own = model.of(state.camera)
             start = float(getattr(own, parameter))
-            step, change = 0.0, [0.0, 0.0]
-            for step in _steps(start, about):
-                found_there = [_changed(state, own, parameter, start + k * step, base) for k in (1, 2)]
-                change = [x or 0.0 for x in found_there]
-                if min(change) >= SEEN * signal:
-                    break
-            else:
-                continue
-            power = 2 if change[1] > 3 * change[0] else 1
-            larger = step * (TYPICAL * signal / change[0]) ** (1 / power)
-            if larger > step and _changed(state, own, parameter, start + larger, base) is not None:
-                step = larger
             t_exp = state.camera.t_exp if parameter in model.grows_with_exposure else 0.0
+            told = subpixel(model, parameter, start, t_exp) if finely else None
+            if told is None:
+                told = _by_difference(state, own, parameter, about, base, signal, t_exp)
+            if told is None:
+                continue
+            field, power = told
+            least = start <= about.low or start <= model.physical.get(parameter, -np.inf)
             found.append(
                 Term(
                     cause=name,
@@ -72,19 +70,22 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     parameter=parameter,
                     unit=about.unit,
                     spike=absolute.get(name, tolerances.flat_field * (EDGED if name in EDGES else SMOOTH)),
-                    field=_difference(model, parameter, power, start, step, t_exp),
+                    field=field,
                     relative=name not in absolute,
                     power=power,
-                    low=0.0
-                    if power == 2 or start <= about.low or start <= model.physical.get(parameter, -np.inf)
-                    else -np.inf,
+                    low=0.0 if power == 2 or least else -np.inf,
                     kind="chain",
                     start=start,
                     t_exp=t_exp,
                 )
             )
         if {t.parameter for t in found} >= {"u", "v"} and name == "motion_blur":
-            found.append(_across(next(t for t in found if t.parameter == "v"), model))
+            v = next(t for t in found if t.parameter == "v")
+            found.append(
+                replace(v, parameter=PRODUCT, unit="px^2", power=1, low=-np.inf, field=across(v.t_exp))
+                if finely
+                else _across(v, model)
+            )
         terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
     return terms
 
@@ -139,6 +140,33 @@ def signed(values: dict[str, float]) -> dict[str, float]:
     product = values.get(PRODUCT, 0.0)
     out = {n: x for n, x in values.items() if n != PRODUCT}
     return {**out, "v": -out["v"]} if product < 0 and "v" in out else out
+
+
+def _by_difference(
+    state: State,
+    own: Effect,
+    parameter: str,
+    about: Parameter,
+    base: np.ndarray,
+    signal: float,
+    t_exp: float,
+) -> tuple[Field, int] | None:
+    """DN a unit, and the power of the parameter that the unit is of, by what a step of it changes in the chain's
+    image; None where ``state`` does not show it."""
+    start = float(getattr(own, parameter))
+    step, change = 0.0, [0.0, 0.0]
+    for step in _steps(start, about):
+        found = [_changed(state, own, parameter, start + k * step, base) for k in (1, 2)]
+        change = [x or 0.0 for x in found]
+        if min(change) >= SEEN * signal:
+            break
+    else:
+        return None
+    power = 2 if change[1] > 3 * change[0] else 1
+    larger = step * (TYPICAL * signal / change[0]) ** (1 / power)
+    if larger > step and _changed(state, own, parameter, start + larger, base) is not None:
+        step = larger
+    return _difference(type(own), parameter, power, start, step, t_exp), power
 
 
 def _steps(start: float, about: Parameter) -> list[float]:

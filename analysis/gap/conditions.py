@@ -7,7 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from analysis.gap.expected import SATURATED, Expected, expected
+from analysis.gap.fine_optics import told_apart
 from analysis.gap.radiance import Changes, Rendered
+from analysis.gap.views import seen
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects import Effect
@@ -54,7 +56,12 @@ class Condition:
 
     def simulated(self, effects: Sequence[Effect] = ()) -> Expected:
         """Expected DN, with the channels that the captures have."""
-        e = expected(self.shown.radiance(self.scene), self.camera, effects)
+        shown, camera = self.shown, self.camera
+        if shown.fine:
+            optics, camera, effects = told_apart(camera, effects, self.mean.shape[2])
+            if optics.is_there:
+                shown = seen(shown, optics.flow(self.camera, None), blur=optics.blur).here
+        e = expected(shown.radiance(self.scene), camera, effects)
         if self.mean.shape[2] == e.dn.shape[2]:
             return e
 

@@ -21,7 +21,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.chain_terms import PRODUCT, signed
+from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
@@ -41,6 +41,7 @@ from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_file
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
+from analysis.gap.subpixel_terms import PRODUCT
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
 from interchange.captures import Captures

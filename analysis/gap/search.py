@@ -18,6 +18,7 @@ from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
 from analysis.gap.radiance import Changes
 from analysis.gap.sensitivities import Sensitivities, sensitivities
+from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Term, added
 from interchange.problems import BrightfieldError
 
@@ -241,6 +242,7 @@ class Search:
             for i in index:
                 if self.terms[i].kind == "chain":
                     at[i] = max(theta[i], self.terms[i].low)
+            at = straight(self.terms, at)
             scene = [i for i in index if self.terms[i].kind == "scene"]
             away = max((abs(theta[i]) / self.terms[i].step for i in scene), default=0.0)
             if away > 1:

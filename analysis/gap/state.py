@@ -9,14 +9,14 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
+from analysis.gap.fine_optics import FineOptics, told_apart
 from analysis.gap.knots import Change, Knots
 from analysis.gap.radiance import FINE, Changes, Rendered
-from analysis.gap.views import seen
+from analysis.gap.views import Views, Way, seen
+from interchange.camera import Camera
 from interchange.effects import Effect
-from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
 from interchange.frames import apply
 from interchange.image import Image, Quantity
-from interchange.parameter import parameters
 
 
 class State:
@@ -52,33 +52,20 @@ class State:
                 return knots.step(origin, end) if origin else knots.change(condition.shown, end)
 
             changes = tuple((sign, drawn(end)) for sign, end in ends if end)
-        self.lateral = self._lateral()
-        way = flow
-        if self.lateral is not None:
-            apart = self.lateral.shifts(self.camera)
-            way = apart if flow is None else apart + flow[:, :, None, :]
-        self.views = seen(self.base, way, changes)
+        self._changes = changes
+        self.optics, self.plain, self._rest = self._told_apart(self.effects)
+        self.views = self._seen(self.optics)
         self.shown = self.views.here
-        self.moved = replace(condition, rendered=self.shown)
+        self.moved = replace(condition, rendered=self.shown, camera=self.plain)
 
-    def _lateral(self) -> LateralChromaticAberration | None:
-        """That of ``effects``: on a finer grid the channels are moved there, as no interpolation of pixels can."""
-        own = LateralChromaticAberration.of(self.camera)
-        found = next((e for e in self.effects if isinstance(e, LateralChromaticAberration)), None)
-        in_color = self.condition.mean.shape[2] == 3
-        return found if found is not None and in_color and self.base.fine and not own.is_there else None
+    def _told_apart(self, effects: Sequence[Effect]) -> tuple[FineOptics, Camera, list[Effect]]:
+        """What of the chain the finer grid does, where there is one."""
+        if not self.base.fine:
+            return FineOptics(), self.camera, list(effects)
+        return told_apart(self.camera, effects, self.condition.mean.shape[2])
 
-    def _besides(self, effects: Sequence[Effect]) -> list[Effect]:
-        """``effects`` less what of them the views have already."""
-        if self.lateral is None:
-            return list(effects)
-        none = LateralChromaticAberration()
-        wanted = next((e for e in effects if isinstance(e, LateralChromaticAberration)), none)
-        further = LateralChromaticAberration(**{
-            n: getattr(wanted, n) - getattr(self.lateral, n) for n in parameters(LateralChromaticAberration)
-        })  # fmt: skip
-        others = [e for e in effects if not isinstance(e, LateralChromaticAberration)]
-        return [*others, further] if further.is_there else others
+    def _seen(self, optics: FineOptics) -> Views:
+        return seen(self.base, optics.flow(self.camera, self.flow), self._changes, optics.blur)
 
     def take(self, plane: np.ndarray) -> np.ndarray:
         return plane[:: self.stride, :: self.stride]
@@ -96,18 +83,26 @@ class State:
 
     @cached_property
     def simulation(self) -> Expected:
-        return self.moved.simulated(self._besides(self.effects))
+        return self.moved.simulated(self._rest)
 
     def dn(self, effects: Sequence[Effect]) -> np.ndarray:
         """(H, W, C): mean DN with these effects in the chain."""
-        return self._mean(self.shown, effects, self.radiance)
+        optics, plain, rest = self._told_apart(effects)
+        if optics == self.optics:
+            return self._mean(self.shown, self.radiance, plain, rest)
+        there = self._seen(optics).here
+        return self._mean(there, there.radiance(self.condition.scene), plain, rest)
 
     def _mean(
-        self, shown: Rendered, effects: Sequence[Effect], radiance: np.ndarray | None = None
+        self, shown: Rendered, radiance: np.ndarray, camera: Camera, effects: Sequence[Effect]
     ) -> np.ndarray:
-        L = shown.radiance(self.condition.scene) if radiance is None else radiance
-        image = Image(L, Quantity.RADIANCE, self.camera, passes=shown.passes)
-        return self.channels(mean_dn(image, self.camera, self._besides(effects)))
+        image = Image(radiance, Quantity.RADIANCE, camera, passes=shown.passes)
+        return self.channels(mean_dn(image, camera, effects))
+
+    def _beside(self, way: Way) -> np.ndarray:
+        """(H, W, C): mean DN ``way`` further on the finer grid."""
+        there = self.views.beside(way)
+        return self._mean(there, there.radiance(self.condition.scene), self.plain, self._rest)
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -120,10 +115,9 @@ class State:
     @cached_property
     def per_radiance(self) -> np.ndarray:
         """(h, w, C): DN per radiance at each pixel, taken as if each pixel were alone."""
-        one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.camera, passes=self.shown.passes)
+        one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.plain, passes=self.shown.passes)
         none = replace(one, pixels=np.zeros_like(self.radiance))
-        effects = self._besides(self.effects)
-        difference = mean_dn(one, self.camera, effects) - mean_dn(none, self.camera, effects)
+        difference = mean_dn(one, self.plain, self._rest) - mean_dn(none, self.plain, self._rest)
         return self.take(self.channels(difference))
 
     @cached_property
@@ -145,14 +139,37 @@ class State:
     def gradient(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w, C) DN/px along columns and along rows; on the finer grid by what a step of it changes each way, as the
         differences of neighbouring pixels are not the slope of an edge between them."""
-        if not self.condition.shown.fine:
+        if not self.base.fine:
             dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
             return self.take(dx), self.take(dy)
-        slopes = []
-        for u, v in ((1, 0), (0, 1)):
-            ahead, behind = (self._mean(self.views.beside(way), self.effects) for way in ((-u, -v), (u, v)))
-            slopes.append(self.take((ahead - behind) * np.float32(FINE / 2)))
+        slopes = [
+            self.take((self._beside((-u, -v)) - self._beside((u, v))) * np.float32(FINE / 2))
+            for u, v in ((1, 0), (0, 1))
+        ]
         return slopes[0], slopes[1]
+
+    @cached_property
+    def curvature(self) -> tuple[np.ndarray, np.ndarray]:
+        """(h, w, C) DN/px²: second derivatives along columns and along rows, by the same steps."""
+        if not self.base.fine:
+            second = np.array([[1.0, -2.0, 1.0]], np.float32)
+            dn = self.simulation.dn
+            along = [cv2.filter2D(dn, -1, k, borderType=cv2.BORDER_REPLICATE) for k in (second, second.T)]
+            return self.take(along[0].reshape(dn.shape)), self.take(along[1].reshape(dn.shape))
+        twice = 2 * self.simulation.dn
+        both = [
+            self.take((self._beside((u, v)) + self._beside((-u, -v)) - twice) * np.float32(FINE**2))
+            for u, v in ((1, 0), (0, 1))
+        ]
+        return both[0], both[1]
+
+    @cached_property
+    def twist(self) -> np.ndarray:
+        """(h, w, C) DN/px²: the mixed second derivative."""
+        if not self.base.fine:
+            return self.take(np.gradient(np.gradient(self.simulation.dn, axis=0), axis=1))
+        same, other = (self._beside((1, v)) + self._beside((-1, -v)) for v in (1, -1))
+        return self.take((same - other) * np.float32(FINE**2 / 4))
 
     @cached_property
     def symmetric_gradient(self) -> tuple[np.ndarray, np.ndarray]:

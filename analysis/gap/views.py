@@ -11,34 +11,37 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from analysis.gap.fine_optics import SHARP, Blur, blurred
 from analysis.gap.knots import Change
 from analysis.gap.radiance import FINE, Rendered, means, pixels
 from interchange.filtering import resample
 
 KEPT = 6  # views, of which each has its neighbours
-HERE = (0, 0)
 Way = tuple[int, int]  # columns and rows, in steps of the finer grid
+HERE = (0, 0)
+ACROSS = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+DIAGONAL = [(1, 1), (-1, -1), (1, -1), (-1, 1)]
 Changes = tuple[tuple[float, Change], ...]  # each with its sign
 
 
 class Views:
     """``base`` moved by ``flow`` (H, W, 2) px (where things go to, minus where they are), or its channels by one each,
-    (H, W, 3, 2), with ``changes`` added."""
+    (H, W, 3, 2), with ``changes`` added, and blurred."""
 
-    def __init__(self, base: Rendered, flow: np.ndarray | None, changes: Changes) -> None:
-        self.base, self.flow, self.changes = base, flow, changes
+    def __init__(self, base: Rendered, flow: np.ndarray | None, changes: Changes, blur: Blur = SHARP) -> None:
+        self.base, self.flow, self.changes, self.blur = base, flow, changes, blur
         self._beside: dict[Way, Rendered] = {}
 
     @cached_property
     def here(self) -> Rendered:
-        if self.base.fine and self.flow is not None:
+        if self.base.fine and (self.flow is not None or self.blur != SHARP):
             return self._finely([HERE])[HERE]
-        return self._changed(_moved(self.base, self.flow), HERE)
+        return self._changed(self._moved(), HERE)
 
     def beside(self, way: Way) -> Rendered:
         """``way`` further; of a base with a finer grid."""
         if way not in self._beside:
-            self._beside = self._finely([(1, 0), (-1, 0), (0, 1), (0, -1)])
+            self._beside |= self._finely(ACROSS if way in ACROSS else DIAGONAL)
         return self._beside[way]
 
     @cached_property
@@ -56,7 +59,7 @@ class Views:
     def _changed(self, shown: Rendered, way: Way) -> Rendered:
         lamps = dict(shown.lamps)
         for name, plane in self._added.items():
-            lamps[name] = np.maximum(lamps[name] + placed(plane, self.flow, way), 0)
+            lamps[name] = np.maximum(lamps[name] + blurred(placed(plane, self.flow, way), self.blur), 0)
         return replace(shown, lamps=lamps)
 
     def _finely(self, ways: list[Way]) -> dict[Way, Rendered]:
@@ -68,8 +71,9 @@ class Views:
             there = plane.astype(np.float32)
             if place is not None:
                 there = _resampled(there, place)
+            there = blurred(there, self.blur, n)
             wider[name] = cv2.copyMakeBorder(there, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-        base = _moved(self.base, self.flow)
+        base = self._moved()
         return {
             (u, v): self._changed(
                 replace(
@@ -84,20 +88,36 @@ class Views:
             for u, v in ways
         }
 
+    def _moved(self) -> Rendered:
+        """What has no finer grid."""
+        shown = self.base
+        if self.flow is None and self.blur == SHARP:
+            return shown
 
-def seen(base: Rendered, flow: np.ndarray | None, changes: Changes) -> Views:
+        def there(plane: np.ndarray) -> np.ndarray:
+            return blurred(placed(plane, self.flow), self.blur) if plane.any() else plane
+
+        return replace(
+            shown,
+            lamps={} if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
+            rest=there(shown.rest),
+            ambient=there(shown.ambient),
+        )
+
+
+def seen(base: Rendered, flow: np.ndarray | None, changes: Changes = (), blur: Blur = SHARP) -> Views:
     """The last ``KEPT`` are kept."""
     moved = "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest()
-    key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes))
+    key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes), blur)
     if key not in _kept:
-        _kept[key] = Views(base, flow, changes)
+        _kept[key] = Views(base, flow, changes, blur)
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
     _kept.move_to_end(key)
     return _kept[key]
 
 
-_kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...]], Views] = OrderedDict()
+_kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur], Views] = OrderedDict()
 
 
 def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:
@@ -130,14 +150,3 @@ def _places(flow: np.ndarray, n: int) -> Places:
             by = cv2.resize(by, (n * w, n * h), interpolation=cv2.INTER_LINEAR)
         found.append((column - by[..., 0], row - by[..., 1]))
     return found
-
-
-def _moved(shown: Rendered, flow: np.ndarray | None) -> Rendered:
-    if flow is None:
-        return shown
-    return replace(
-        shown,
-        lamps={} if shown.fine else {n: placed(p, flow) for n, p in shown.lamps.items()},
-        rest=placed(shown.rest, flow) if shown.rest.any() else shown.rest,
-        ambient=placed(shown.ambient, flow),
-    )

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.chain_terms import PRODUCT, black_levels, chain_terms, dark_current, effects_at, signed
+from analysis.gap.chain_terms import black_levels, chain_terms, dark_current, effects_at, signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.geometry_terms import EACH, geometry_terms
 from analysis.gap.radiance import Rendered
 from analysis.gap.saturation_terms import KNEES, saturation_terms
 from analysis.gap.state import State
+from analysis.gap.subpixel_terms import PRODUCT, straight
 from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Tolerances
@@ -62,7 +63,8 @@ def test_a_motion_is_told_with_its_direction(condition: Condition, path: tuple[f
     at: dict[tuple[str, str, str], float] = {}
     for _ in range(4):
         theta = fitted(terms, condition, MotionBlur(*path), at)
-        at = {t.key: max(theta[t.parameter], t.low) for t in terms}
+        found_here = np.array([max(theta[t.parameter], t.low) for t in terms])
+        at = {t.key: float(x) for t, x in zip(terms, straight(terms, found_here), strict=True)}
     (found,) = effects_at(terms, at, State(condition))
     got = np.array([found.u, found.v])
     missed = min(np.abs(sign * got - path).max() for sign in (1, -1))  # forth and back is one blur

@@ -1,0 +1,82 @@
+"""What a lens and a motion do within a pixel, done on the finer grid that light is rendered on.
+
+Pixels are means over their squares, and edges are sharper than they are wide: a blur or a shift by a tenth of a pixel
+changes a pixel by where in it an edge lies, which no filter of pixels can know. Channels that lie apart, a blur and a
+straight motion act before pixels are formed; the rest of the chain is ``interchange.exposure``'s.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from interchange.camera import Camera
+from interchange.effects import Effect
+from interchange.effects.defocus import Defocus
+from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
+from interchange.effects.motion_blur import MotionBlur
+from interchange.filtering import combined, convolve, gaussian, line
+
+Blur = tuple[float, float, float]  # px: rms of a Gaussian, and the path's columns and rows
+SHARP: Blur = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FineOptics:
+    """``lateral``: how channels lie apart; ``blur``: what is drawn as a Gaussian and a path, px of the sensor's."""
+
+    lateral: LateralChromaticAberration = field(default_factory=LateralChromaticAberration)
+    blur: Blur = SHARP
+
+    @property
+    def is_there(self) -> bool:
+        return self.lateral.is_there or self.blur != SHARP
+
+    def flow(self, camera: Camera, flow: np.ndarray | None) -> np.ndarray | None:
+        """``flow`` (H, W, 2) px; with what moves the channels besides, (H, W, 3, 2)."""
+        if not self.lateral.is_there:
+            return flow
+        apart = self.lateral.shifts(camera)
+        return apart if flow is None else apart + flow[:, :, None, :]
+
+
+def blurred(plane: np.ndarray, blur: Blur, finer: int = 1) -> np.ndarray:
+    """(h, w, C) on a grid ``finer`` times finer than the sensor's."""
+    if blur == SHARP:
+        return plane
+    sigma, u, v = (finer * x for x in blur)
+    kernels = ([gaussian(sigma)] if sigma else []) + ([line(u, v)] if u or v else [])
+    return convolve(np.ascontiguousarray(plane, np.float32), combined(kernels))
+
+
+def told_apart(
+    camera: Camera, effects: Sequence[Effect], channels: int
+) -> tuple[FineOptics, Camera, list[Effect]]:
+    """What of ``camera`` with ``effects`` the finer grid does; camera and effects without that. An image of other than
+    three ``channels`` has none that lie apart."""
+    given = {type(e): e for e in effects}
+    lateral = given.get(LateralChromaticAberration, LateralChromaticAberration.of(camera))
+    defocus = given.get(Defocus, Defocus.of(camera))
+    motion = given.get(MotionBlur, MotionBlur.of(camera))
+    assert isinstance(lateral, LateralChromaticAberration)
+    assert isinstance(defocus, Defocus)
+    assert isinstance(motion, MotionBlur)
+    if channels != 3:
+        lateral = LateralChromaticAberration()
+    optics = FineOptics(lateral, (defocus.blur, motion.u, motion.v))
+    if not optics.is_there:
+        return optics, camera, list(effects)
+    rest = [e for e in effects if not isinstance(e, LateralChromaticAberration | Defocus | MotionBlur)]
+    if Defocus in given:
+        rest.append(replace(defocus, blur=0.0))
+    if MotionBlur in given:
+        rest.append(replace(motion, u=0.0, v=0.0))
+    return optics, _without(camera), rest
+
+
+@lru_cache(maxsize=64)
+def _without(camera: Camera) -> Camera:
+    """The same object for the same camera, as chains of effects are kept by it."""
+    apart = LateralChromaticAberration().on(camera)
+    return replace(apart, lens=replace(apart.lens, blur=0.0))

@@ -1,0 +1,87 @@
+"""What a unit of an effect changes that acts within a pixel: by derivatives of the image on the finer grid.
+
+∂S_c/∂p = -∇S_c · ∂d_c/∂p             a channel that lies d_c px aside
+∂S/∂σ² = ½ (S_xx + S_yy)              a blur; exact at every σ for a Gaussian (the heat equation)
+∂S/∂u² = S_xx / 24,  ∂S/∂(u v) = S_xy / 12     a straight path (u, v), whose covariance is u u' / 12
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.gap.state import State
+from analysis.gap.terms import Field, Term
+from interchange.effects import Effect
+from interchange.effects.defocus import Defocus
+from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
+from interchange.effects.motion_blur import MotionBlur
+
+PRODUCT = "u v"  # px²
+SMALL = 1e-5  # of the difference that a channel's shift is told by
+PATH = 1 / 12  # variance of a path over its length's square
+
+
+def subpixel(model: type[Effect], parameter: str, start: float, t_exp: float) -> tuple[Field, int] | None:
+    """DN a unit, and the power of ``parameter`` that the unit is of; None of what is no such effect, or is a square of
+    which the camera has some already, ``start``.
+
+    ``t_exp`` s: the exposure that a path is told at.
+    """
+    if model is LateralChromaticAberration:
+        return _apart(parameter), 1
+    if start:
+        return None
+    if model is Defocus and parameter == "blur":
+        return _blurred, 2
+    if model is MotionBlur and parameter in ("u", "v"):
+        return _along(0 if parameter == "u" else 1, t_exp), 2
+    return None
+
+
+def across(t_exp: float) -> Field:
+    """A unit of the product of a path's columns and rows: their squares do not tell a path to the lower right from one
+    to the lower left."""
+
+    def field(s: State) -> np.ndarray:
+        return np.asarray(np.float32(PATH * (s.camera.t_exp / t_exp) ** 2) * s.twist, np.float32)
+
+    return field
+
+
+def straight(terms: Sequence[Term], at: np.ndarray) -> np.ndarray:
+    """``at`` (q,) with the product of a path's ways as its squares make it: a straight path has no other."""
+    place = {t.parameter: i for i, t in enumerate(terms) if t.cause == MotionBlur.name()}
+    if PRODUCT not in place:
+        return at
+    there, i = at.copy(), place[PRODUCT]
+    size = np.sqrt(max(at[place["u"]], 0.0) * max(at[place["v"]], 0.0))
+    there[i] = np.copysign(size, at[i])
+    return there
+
+
+def _apart(parameter: str) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        if s.condition.mean.shape[2] != 3:
+            return None
+        now = s.optics.lateral
+        here = getattr(now, parameter)
+        ends = [replace(now, **{parameter: here + x}).shifts(s.camera) for x in (SMALL, -SMALL)]
+        by = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
+        dx, dy = s.gradient
+        return np.asarray(-(dx * by[..., 0] + dy * by[..., 1]), np.float32)
+
+    return field
+
+
+def _blurred(s: State) -> np.ndarray:
+    along = s.curvature
+    return np.asarray(np.float32(0.5) * (along[0] + along[1]), np.float32)
+
+
+def _along(axis: int, t_exp: float) -> Field:
+    def field(s: State) -> np.ndarray:
+        grown = (s.camera.t_exp / t_exp) ** 2
+        return np.asarray(np.float32(0.5 * PATH * grown) * s.curvature[axis], np.float32)
+
+    return field
