@@ -95,7 +95,7 @@ def test_a_blur_within_a_pixel_is_that_of_the_light(edge: float, sigma: float) -
 
 
 def test_what_acts_within_a_pixel_is_told_by_derivatives_there() -> None:
-    """By what a small step of it changes, drawn anew, over edges anywhere in a pixel; a path's is off by a third, as its
+    """By what a small step of it changes, drawn anew, over edges anywhere in a pixel; a path is off by a third, its
     fourth moment is not a Gaussian's, and a channel is moved by a cubic, which rings at edges."""
     lateral = LateralChromaticAberration(red=0.002)
     here = [Defocus(blur=0.3), lateral, MotionBlur(u=0.4, v=0.1)]
