@@ -93,6 +93,21 @@ def diagnose(
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
     Raises BrightfieldError where captures and scene do not belong together.
     """
+    with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
+        return _diagnosed(captures, document, render, settings, cache, out, told, verify, metric)
+
+
+def _diagnosed(
+    captures: Captures,
+    document: Document,
+    render: Render,
+    settings: dict[str, Any],
+    cache: Path,
+    out: Path,
+    told: Told,
+    verify: bool,
+    metric: tuple[str, Measure] | None,
+) -> Diagnosed:
     began = time.monotonic()
     found = with_files_bits(conditions(captures, document))
     rendered = render_all(
@@ -111,8 +126,7 @@ def diagnose(
         return with_renderings(some, {c.name: there[id(c.shown)] for c in all_of_them}, standing)
 
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
-    with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
-        fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots, redraw)
+    fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots, redraw)
     if fitted.redrawn:
         all_of_them = redraw(all_of_them, fitted.redrawn)
     told("verdict", 0.0)
