@@ -1,76 +1,73 @@
 """From which severity on the captures would show each effect: what "none" means.
 
-For an effect of rms s over the signal, and no other error, the evidence for it over none grows as
+For an effect θ alone, without any other error, of rms s over the signal, s² = θ' G θ / S, the evidence for it over none
+is a quadratic form of θ:
 
-    Δ log Z(s) = s² gain - cost,      shown where  Δ log Z + log prior odds >= log(p / (1 - p)),  p = SURE
+    Δ log Z(θ) = θ' Q θ - cost,      shown where  Δ log Z + log prior odds >= log(p / (1 - p)),  p = SURE
 
-with cost what its freedom is charged (Occam's factor), gain what its pattern adds to the fit that tolerances cannot.
+with cost what its freedom is charged (Occam's factor). Its numbers may be off in ways that tolerances hide, and in ways
+that they do not: the eigenvalues of Q in the metric G / S are gains per s², the largest the easiest way's, their mean
+what a way drawn by lot has.
 
 MacKay: Bayesian interpolation. Neural Computation 1992.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 
 from analysis.gap.evidence import SLABS, Cause, Evidence
-from analysis.gap.normal_equations import NormalEquations
 
 SURE = 0.9
 MOST = 0.5  # rms over the signal: what would not show there is told as never
-UNIT = 0.05  # of the signal, that gains are measured at
+FLAT = 1e-9  # of the largest: ways that change no image
 
 
 @dataclass(frozen=True)
 class Detectable:
-    """``severity``: rms over the signal from which on ``cause`` would be found; inf: never."""
+    """``easiest``: rms over the signal from which on an effect would be found if it is about what shows it best,
+    ``cause``, and off in the way that shows best; ``hardest``: from which on it would be found whatever it is about, in
+    a way drawn by lot. inf: never."""
 
     cause: Cause
-    severity: float
+    easiest: float
+    hardest: float
 
 
 def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
-    """Every effect with a name, the easiest first; of an effect that is about several things, the easiest of them."""
-    alone = Quiet(evidence)
-    found: dict[str, Detectable] = {}
+    """Every effect with a name, the easiest first."""
+    found: dict[str, list[Detectable]] = {}
     for cause, index in evidence.members.items():
         if not evidence.terms[index[0]].generic:
-            severity = min(alone.severity(cause, i) for i in index)
-            if cause[0] not in found or severity < found[cause[0]].severity:
-                found[cause[0]] = Detectable(cause, severity)
-    return tuple(sorted(found.values(), key=lambda d: d.severity))
+            found.setdefault(cause[0], []).append(Detectable(cause, *_severities(evidence, cause, index)))
+    told = [_together(targets) for targets in found.values()]
+    return tuple(sorted(told, key=lambda d: d.easiest))
 
 
-class Quiet:
-    """The evidence of captures that are what the scene says but for one effect."""
-
-    def __init__(self, evidence: Evidence) -> None:
-        self.evidence = evidence
-        self.nothing = _seen(evidence, np.zeros(len(evidence.spike)))
-
-    def severity(self, cause: Cause, term: int) -> float:
-        """Of ``cause`` by its ``term`` alone."""
-        e = self.evidence
-        size = UNIT / e.share[term]
-        there = _seen(e, e.e.G[:, term] * size)
-        gain = cost = 0.0
-        best = np.inf
-        for slab in SLABS:
-            none, quiet = there.at((), ()), self.nothing.at((), ())
-            one, idle = there.at((cause,), (slab,)), self.nothing.at((cause,), (slab,))
-            cost = quiet.score - idle.score
-            gain = (one.score - none.score) + cost  # of UNIT²
-            if np.isfinite(gain) and gain > 0:
-                best = min(best, UNIT * float(np.sqrt((cost + np.log(SURE / (1 - SURE))) / gain)))
-        return best if best <= MOST else np.inf
+def _together(targets: Sequence[Detectable]) -> Detectable:
+    best = min(targets, key=lambda d: d.easiest)
+    return Detectable(best.cause, best.easiest, max(d.hardest for d in targets))
 
 
-def _seen(evidence: Evidence, b: np.ndarray) -> Evidence:
-    """The same terms where the captures say ``b`` = X' W r."""
-    out: Evidence = object.__new__(Evidence)
-    out.__dict__.update(evidence.__dict__)
-    equations: NormalEquations = replace(evidence.e, b=b)
-    out.e, out.known, out.in_force = equations, {}, ()
-    z = evidence.C @ (b * evidence.spike)
-    out.straight = {frozenset(): (z, 0.5 * float(b * evidence.spike @ z))}
-    return out
+def _severities(evidence: Evidence, cause: Cause, index: np.ndarray) -> tuple[float, float]:
+    """In the best way, and in one drawn by lot."""
+    e = evidence.e
+    metric = e.G[np.ix_(index, index)] / max(e.signal, 1e-30)
+    seen, ways = eigh(metric)
+    there = seen > FLAT * seen.max()
+    to_unit = ways[:, there] / np.sqrt(seen[there])
+    easiest = by_lot = np.inf
+    for slab in SLABS:
+        Q, cost = evidence.alone(cause, slab)
+        gains = np.linalg.eigvalsh(to_unit.T @ Q @ to_unit)
+        needed = max(cost + float(np.log(SURE / (1 - SURE))), 0.0)
+        easiest = min(easiest, _root(needed, float(gains.max())))
+        by_lot = min(by_lot, _root(needed, float(gains.mean())))
+    return easiest, by_lot
+
+
+def _root(needed: float, gain: float) -> float:
+    found = float(np.sqrt(needed / gain)) if gain > 0 else np.inf
+    return found if found <= MOST else np.inf

@@ -97,7 +97,8 @@ class Diagnosis:
 def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
-    ``smallest`` (rms over the signal that an effect would be found from; null: never), ``notes``."""
+    ``smallest`` (rms over the signal that an effect would be found from, ``easiest`` and ``hardest``; null: never),
+    ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -141,7 +142,12 @@ def record(d: Diagnosis) -> dict[str, Any]:
         "edges": _edges(d.edges) if d.edges else None,
         "metric": _metric(d.metric) if d.metric else None,
         "verified": {**asdict(d.verification), "holds": d.verification.holds} if d.verification else None,
-        "smallest": {x.cause[0]: x.severity if np.isfinite(x.severity) else None for x in d.smallest},
+        "smallest": {
+            x.cause[0]: {
+                k: v if np.isfinite(v) else None for k, v in (("easiest", x.easiest), ("hardest", x.hardest))
+            }
+            for x in d.smallest
+        },
         "notes": list(d.notes),
     }
 

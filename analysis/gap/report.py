@@ -247,12 +247,14 @@ def _ranking(found: Diagnosed) -> str:
 def _smallest(d: Diagnosis) -> str:
     rows = []
     for x in d.smallest:
-        at = f"{100 * x.severity:.2g} %" if np.isfinite(x.severity) else "never"
-        where = called(x.cause[1])
+        ends = (f"{100 * s:.2g} %" if np.isfinite(s) else "never" for s in (x.easiest, x.hardest))
+        cells = "</td><td class=n>".join(ends)
         rows.append(
-            f"<tr><td>{html.escape(plain(x.cause[0]))}</td><td class=n>{at}</td><td>{html.escape(where)}</td></tr>"
+            f"<tr><td>{html.escape(plain(x.cause[0]))}</td><td class=n>{cells}</td>"
+            f"<td>{html.escape(called(x.cause[1]))}</td></tr>"
         )
-    return f"<table><tr><th>effect</th><th class=n>from</th><th>easiest at</th></tr>{''.join(rows)}</table>"
+    head = "<tr><th>effect</th><th class=n>at its easiest</th><th class=n>of anything</th><th>easiest</th></tr>"
+    return f"<table>{head}{''.join(rows)}</table>"
 
 
 def _tolerances(captures: Captures) -> str:

@@ -33,7 +33,7 @@ BINS = 15
 @dataclass(frozen=True)
 class Answer:
     """``said`` {name: probability} of named effects; ``unknown`` whether something is called unknown; ``failed``: none
-    was given; ``smallest`` {name: severity} that the diagnosis claims to find with a probability of 0.9, None for
+    was given; ``smallest`` {name: {"easiest", "hardest"}}: severities that the diagnosis claims to find, None for
     never."""
 
     said: dict[str, float]
@@ -43,7 +43,7 @@ class Answer:
     parameters: dict[str, dict[str, tuple[float, float]]] | None = None
     chi: tuple[float, float] | None = None
     seconds: float | None = None
-    smallest: dict[str, float | None] | None = None
+    smallest: dict[str, dict[str, float | None]] | None = None
 
     @property
     def named(self) -> frozenset[str]:
@@ -157,13 +157,23 @@ def share(k: int, n: int) -> str:
     return f"{k}/{n} | {100 * k / n:.1f} % | {100 * low:.1f}–{100 * high:.1f} %" if n else "0/0 | – | –"
 
 
-def findable(label: dict[str, Any], a: Answer) -> bool | None:
-    """Whether the diagnosis claims that it would find the one effect of ``label``; None where it says nothing of it."""
+CLAIMS = {
+    "sure": "that it says it finds whatever they are about",
+    "easy": "that it says it finds where they are easy",
+    "none": "that it says it does not find",
+}
+
+
+def findable(label: dict[str, Any], a: Answer) -> str | None:
+    """Which of ``CLAIMS`` the diagnosis makes of the one effect of ``label``; None where it says nothing of it."""
     (effect,) = label["effects"]
     if effect["name"] not in (a.smallest or {}):
         return None
-    least = (a.smallest or {})[effect["name"]]
-    return least is not None and float(effect["severity"] or 0) >= least
+    told = (a.smallest or {})[effect["name"]]
+    severity = float(effect["severity"] or 0)
+    if told["hardest"] is not None and severity >= told["hardest"]:
+        return "sure"
+    return "easy" if told["easiest"] is not None and severity >= told["easiest"] else "none"
 
 
 def _wanted(label: dict[str, Any]) -> float:
@@ -208,11 +218,9 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
             line(f"{word}, {100 * s:g} %", some, lambda x, a: right(x, a))
             line(f"{word}, {100 * s:g} %, tied as one", some, lambda x, a: right(x, a, True))
     found = by.get("single", [])
-    for claim, word in ((True, "above"), (False, "below")):
-        some = [x for x in found if findable(x, answers[x["case"]]) is claim]
-        line(
-            f"one effect, {word} what it says it finds at its easiest, exact", some, lambda x, a: right(x, a)
-        )
+    for claim, words in CLAIMS.items():
+        some = [x for x in found if findable(x, answers[x["case"]]) == claim]
+        line(f"one effect, of those {words}, exact", some, lambda x, a: right(x, a))
     line("one effect: named, whatever else is", found, lambda x, a: there(x) <= a.named)
     line("one effect: called unknown", found, lambda x, a: a.unknown)
     beyond = by.get("outside", [])

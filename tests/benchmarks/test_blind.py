@@ -370,7 +370,9 @@ def test_a_page_lists_every_miss(tmp_path: Path):
             {"name": "exposure", "probability": 0.97, "parameters": {"scale": {"value": 1.012, "sigma": 0.002}}}
         ],
         "gap": {"explained": 0.98, "before": 2.0, "after": 1.05}, "seconds": 30.0,
-        "smallest": {"exposure": 0.005, "defocus": None},
+        "smallest": {
+            "exposure": {"easiest": 0.002, "hardest": 0.005}, "defocus": {"easiest": 0.01, "hardest": None}
+        },
     }  # fmt: skip
     none = {**record, "verdict": "none", "effects": []}
     unknown = {**none, "verdict": "unknown"}
@@ -381,8 +383,9 @@ def test_a_page_lists_every_miss(tmp_path: Path):
     page = table(labels, answers)
     assert "| nulls: false alarm, any effect or unknown | 1/2 | 50.0 % | 1.3–98.7 % |" in page
     assert "| one effect, exact, 1 % | 1/2 | 50.0 %" in page
-    assert "| one effect, above what it says it finds at its easiest, exact | 1/1 |" in page
-    assert "| one effect, below what it says it finds at its easiest, exact | 0/1 |" in page
+    assert "| one effect, of those that it says it finds whatever they are about, exact | 1/1 |" in page
+    assert "| one effect, of those that it says it finds where they are easy, exact | 0/1 |" in page
+    assert "that it says it does not find" not in page
     assert "| confident (p > 0.9) and wrong, all cases | 2/6 |" in page
     assert "| parameters inside their 95 % interval | 1/1, 100.0 %" in page
     missed = page.split("Every case")[1]
