@@ -144,7 +144,11 @@ def _capture(name: str) -> Field:
 def _hats(s: State, columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Number and share (h, w, 4) of the places around a pixel: bilinear, ``columns`` x ``rows`` of them."""
     w, h = s.camera.sensor.resolution
-    x, y = (s.grid[0] + 0.5) / w * columns - 0.5, (s.grid[1] + 0.5) / h * rows - 0.5
+    return bilinear((s.grid[0] + 0.5) / w * columns - 0.5, (s.grid[1] + 0.5) / h * rows - 0.5, columns, rows)
+
+
+def bilinear(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (..., 4) of the places around (x, y), counted row by row, and the share of each."""
     x, y = np.clip(x, 0, columns - 1), np.clip(y, 0, rows - 1)
     i, j = np.minimum(x.astype(np.int32), columns - 2), np.minimum(y.astype(np.int32), rows - 2)
     fx, fy = x - i, y - j

@@ -5,16 +5,16 @@
                                          change grows more with σ than with σ²
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.generic_terms import UNEVEN
+from analysis.gap.generic_terms import SPARE, UNEVEN, bilinear
 from analysis.gap.left import EDGED
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.brdf.base import Brdf
 from interchange.captures import Tolerances
 from interchange.effects.texture import WAVES, box_uv
@@ -22,6 +22,14 @@ from interchange.effects.translucency import Translucency, spread
 from interchange.frames import apply
 
 LEAST_PIXELS = 400  # that a material must cover, of an image of 480 x 360
+LARGE_PIXELS = 8000  # the same, to have a pattern in places
+IN_PLACES = ", in places"  # what is said after the name of a material whose pattern has no formula
+GRID = (20, 16)  # places of a body, along the two longest sides of its box
+SPOTS = tuple(
+    f"{100 * (i + 0.5) / GRID[0]:.0f} % along, {100 * (j + 0.5) / GRID[1]:.0f} % across"
+    for j in range(GRID[1])
+    for i in range(GRID[0])
+)
 BODY = (
     0.5  # of its light: the least share of a body colour whose pattern could be told from what a lobe mirrors
 )
@@ -45,6 +53,10 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     ]
     for name in chosen:
         step = _blur_mm(conditions, name)
+        if covered[name] >= LARGE_PIXELS:
+            terms += in_cells(
+                "texture", f"{name}{IN_PLACES}", SPARE, Family(_spots(name), SPOTS), generic=False
+            )
         terms.append(
             Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),
                  relative=True, low=0.0)
@@ -72,19 +84,42 @@ def _wave(name: str, i: int, j: int) -> Field:
         scene = s.shown.scene
         if name not in scene.material_names or not s.lamps:
             return None
-        mask = s.take(s.shown.passes["material_id"]) == scene.material_names.index(name)
-        objects = s.take(s.shown.passes["object_id"])
         out = np.zeros_like(s.signal)
-        for body in scene.bodies:
-            if body.material.name == name:
-                own = mask & (objects == scene.object_names.index(body.name))
-                at = apply(np.linalg.inv(body.world_from_body), s.position[own])
-                u, v = np.moveaxis(box_uv(body.mesh, at), -1, 0)
-                wave = np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
-                out[own] = s.signal[own] * wave[:, None].astype(np.float32)
+        for own, u, v in _laid(s, name):
+            wave = np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
+            out[own] = s.signal[own] * wave[:, None].astype(np.float32)
         return out
 
     return field
+
+
+def _spots(name: str) -> Cells:
+    """A pattern of no formula: bilinear between places of each body's own box."""
+
+    def cells(s: State) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        scene = s.shown.scene
+        if name not in scene.material_names or not s.lamps:
+            return None
+        ids = np.full((*s.grid[0].shape, 4), -1)
+        share = np.zeros(ids.shape, np.float32)
+        for own, u, v in _laid(s, name):
+            ids[own], share[own] = bilinear(u * GRID[0] - 0.5, v * GRID[1] - 0.5, *GRID)
+        return ids, share, s.signal
+
+    return cells
+
+
+def _laid(s: State, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Of each body of a material: where it is in the image (h, w), and its box coordinates there."""
+    scene = s.shown.scene
+    mask = s.take(s.shown.passes["material_id"]) == scene.material_names.index(name)
+    objects = s.take(s.shown.passes["object_id"])
+    for body in scene.bodies:
+        if body.material.name == name:
+            own = mask & (objects == scene.object_names.index(body.name))
+            at = apply(np.linalg.inv(body.world_from_body), s.position[own])
+            u, v = np.moveaxis(box_uv(body.mesh, at), -1, 0)
+            yield own, u, v
 
 
 def _blur_mm(conditions: Sequence[Condition], name: str) -> float:

@@ -253,7 +253,9 @@ def _smallest(d: Diagnosis) -> str:
             f"<tr><td>{html.escape(plain(x.cause[0]))}</td><td class=n>{cells}</td>"
             f"<td>{html.escape(called(x.cause[1]))}</td></tr>"
         )
-    head = "<tr><th>effect</th><th class=n>at its easiest</th><th class=n>of anything</th><th>easiest</th></tr>"
+    head = (
+        "<tr><th>effect</th><th class=n>at its easiest</th><th class=n>of anything</th><th>easiest</th></tr>"
+    )
     return f"<table>{head}{''.join(rows)}</table>"
 
 

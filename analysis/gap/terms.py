@@ -93,12 +93,22 @@ def _nothing(state: State) -> None:
     return None
 
 
-def in_cells(cause: str, target: str, spike: float, family: Family) -> list[Term]:
-    """The terms of a family; ``spike``: rms that all of them together give anyway to the images that show them, over
-    their signal."""
+def in_cells(cause: str, target: str, spike: float, family: Family, generic: bool = True) -> list[Term]:
+    """The terms of a family, ``generic`` if its cause has no name; ``spike``: rms that all of them together give anyway
+    to the images that show them, over their signal."""
     return [
         Term(
-            cause, target, place, "1", spike, _nothing, True, kind="cell", generic=True, family=family, cell=k
+            cause,
+            target,
+            place,
+            "1",
+            spike,
+            _nothing,
+            True,
+            kind="cell",
+            generic=generic,
+            family=family,
+            cell=k,
         )
         for k, place in enumerate(family.places)
     ]
