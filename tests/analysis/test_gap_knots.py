@@ -12,9 +12,9 @@ from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, SPOTS, Knots
 from analysis.gap.light_terms import light_terms, shaded
-from analysis.gap.material_terms import material_terms
+from analysis.gap.material_terms import GRID, IN_PLACES, material_terms
 from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Term
+from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
 from interchange.effects import MODELS
 from interchange.effects.anisotropy import Anisotropy
@@ -178,6 +178,28 @@ def test_texture_predicts_a_new_rendering(found: list[Condition], rasterizer: Ra
     assert inside.sum() > 3000
 
 
+def test_a_pattern_in_places_follows_the_surface(found: list[Condition]) -> None:
+    """Whichever camera looks: a slow wave is the sum of its values at the places, within what a broken line misses."""
+    base = "/World/Materials/base"
+    terms = [
+        t for t in material_terms(found, Tolerances()) if t.candidate == ("texture", f"{base}{IN_PLACES}")
+    ]
+    assert len(terms) == GRID[0] * GRID[1]
+    assert not any(t.generic for t in terms)
+    u = (np.arange(GRID[0]) + 0.5) / GRID[0]
+    theta = np.tile(np.cos(np.pi * u), GRID[1])
+    wave = next(t for t in material_terms(found, Tolerances()) if t.key == ("texture", base, "c10"))
+    seen = 0
+    for condition in found:
+        state = State(condition)
+        want = wave.field(state)
+        if want is None or not np.abs(want).any():
+            continue
+        said, seen = added(state, terms, theta), seen + 1
+        assert np.sqrt(np.mean((said - want) ** 2)) < 0.01 * np.sqrt(np.mean(want**2))
+    assert seen > 1
+
+
 def test_translucency_is_its_effects_change(found: list[Condition]) -> None:
     """At the step of 1.5 px, exactly; at 1 px within 20 % in amount."""
     state, white = State(found[1]), "/World/Materials/white"
@@ -227,7 +249,7 @@ def test_terms_are_parameters_of_their_effects_files(found: list[Condition], kno
         *material_terms(found, told),
         *knot_terms(found, told, knots),
     ]
-    for term in (t for t in terms if not t.generic and t.cause != NUISANCE):
+    for term in (t for t in terms if t.family is None and not t.generic and t.cause != NUISANCE):
         about = parameters(MODELS[term.cause])[term.parameter]
         assert term.unit == about.unit or term.cause == "rolling_shutter"
         assert term.start == getattr(MODELS[term.cause](), term.parameter)
