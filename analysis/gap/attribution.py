@@ -11,6 +11,7 @@ from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
+from analysis.gap.terms import added
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
 PRESENT = 0.5
@@ -39,14 +40,15 @@ def attribution(
         name = (cause[0] if cause[0] in CATALOGUED else UNKNOWN) if sure else UNCERTAIN
         players[name] = (*players.get(name, ()), cause)
     chi2: dict[frozenset[str], float] = {}
+    sets = Sets(fitted)
 
     def simulated(names: frozenset[str]) -> Sequence[np.ndarray]:
         if not names:
             return before
         if len(names) == len(players):
             return after
-        model = without(fitted, [c for n, causes in players.items() if n not in names for c in causes])
-        return [model.simulated(c) for c in held]
+        out = [c for n, causes in players.items() if n not in names for c in causes]
+        return [sets.simulated(out, c) for c in held]
 
     def closed(names: frozenset[str]) -> float:
         chi2[names] = by.chi2(simulated(names))
@@ -59,10 +61,12 @@ def attribution(
 
 def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Less the effects that the held-out captures refute: those without which they are simulated better."""
+    sets = Sets(fitted)
     while True:
         after = by.chi2([fitted.after.simulated(c) for c in held])
         named = [c for c in fitted.best.causes if c[0] in CATALOGUED]
-        left = {c: by.chi2([without(fitted, [c]).simulated(x) for x in held]) for c in named}
+        gone = [c for c in sets.causes if c not in fitted.best.causes]
+        left = {c: by.chi2([sets.simulated([*gone, c], x) for x in held]) for c in named}
         worst = min(left, key=lambda c: left[c], default=None)
         if worst is None or left[worst] >= after:
             return fitted
@@ -80,6 +84,28 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
             probability={**fitted.probability, worst: 0.0},
             refuted=(*fitted.refuted, worst),
         )
+
+
+class Sets:
+    """Simulations with some of the causes of a fit. What calibration's errors add is told once, where all causes are:
+    how it changes with them is a product of two small numbers."""
+
+    def __init__(self, fitted: Fit) -> None:
+        self.fitted, self.causes = fitted, fitted.best.causes
+        self._own = np.array([i for i, t in enumerate(fitted.terms) if t.candidate in self.causes], int)
+        self._rest: dict[int, tuple[Condition, np.ndarray]] = {}
+
+    def simulated(self, out: Sequence[Cause], condition: Condition) -> np.ndarray:
+        """(H, W, C) DN without the causes ``out``."""
+        if id(condition) not in self._rest:
+            after = self.fitted.after
+            self._rest[id(condition)] = condition, after.simulated(condition) - self._alone(after, condition)
+        return self._alone(without(self.fitted, out), condition) + self._rest[id(condition)][1]
+
+    def _alone(self, model: Model, condition: Condition) -> np.ndarray:
+        state = model.state(condition)
+        own = [self.fitted.terms[i] for i in self._own]
+        return state.simulation.dn + added(state, own, (model.theta - model.at)[self._own])
 
 
 def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
