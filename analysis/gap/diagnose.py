@@ -1,7 +1,8 @@
 """From captures and a scene to a diagnosis: where the simulation is wrong, what causes it, how far it shrinks."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from analysis.gap.advice import separating
 from analysis.gap.attribution import (
     CATALOGUED,
     PRESENT,
-    Attribution,
     Cause,
     Told,
     attribution,
@@ -26,10 +25,11 @@ from analysis.gap.code_findings import without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
-from analysis.gap.diagnosis import Diagnosis, Edges, Estimate, Finding
+from analysis.gap.diagnosis import Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
-from analysis.gap.fit import Fit, fit, uncertainty
+from analysis.gap.findings import effects_found, noise_effect, what_is_unknown
+from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.metric import Measure, measured
@@ -40,8 +40,7 @@ from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
-from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
-from analysis.gap.subpixel_terms import PRODUCT
+from analysis.gap.shrinkage import Yardstick, gap, yardstick
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
 from interchange.captures import Captures
@@ -75,6 +74,14 @@ class Diagnosed:
         return tuple(c for c in self.conditions if c.held_out)
 
 
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Matrices are small: threads would wait for each other."""
+    with threadpool_limits(1, "blas"):
+        yield
+
+
+@_one_thread()
 def diagnose(
     captures: Captures,
     document: Document,
@@ -93,21 +100,6 @@ def diagnose(
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
     Raises BrightfieldError where captures and scene do not belong together.
     """
-    with threadpool_limits(1, "blas"):  # matrices are small; threads would wait for each other
-        return _diagnosed(captures, document, render, settings, cache, out, told, verify, metric)
-
-
-def _diagnosed(
-    captures: Captures,
-    document: Document,
-    render: Render,
-    settings: dict[str, Any],
-    cache: Path,
-    out: Path,
-    told: Told,
-    verify: bool,
-    metric: tuple[str, Measure] | None,
-) -> Diagnosed:
     began = time.monotonic()
     found = with_files_bits(conditions(captures, document))
     rendered = render_all(
@@ -148,7 +140,7 @@ def _diagnosed(
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
     told("shares", 0.0)
     taken = attribution(fitted, held, by, shown.before, shown.after, told)
-    findings = _findings(fitted, taken, shrunk)
+    findings = effects_found(fitted, taken, shrunk)
     told("noise", 0.0)
     corrected = [fitted.after.simulated(c) for c in all_of_them]
     black = sum(
@@ -158,9 +150,9 @@ def _diagnosed(
     )
     judged = noise_findings(with_black_level(whole, black), corrected)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
-    findings += [_noise_finding(n, shrunk.after) for n in noise]
+    findings += [noise_effect(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
-    unknown = _unknown(fitted)
+    unknown = what_is_unknown(fitted)
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
@@ -250,106 +242,9 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     ]
 
 
-def _findings(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
-    sigma = uncertainty(fitted)
-    everything = frozenset(taken.players)
-    by = {
-        (*t.candidate, t.parameter): float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
-    }
-    out = []
-    for name in (n for n in taken.players if n in CATALOGUED):
-        own = list(taken.players[name])
-        index = [
-            i
-            for i, t in enumerate(fitted.terms)
-            if t.candidate in own and i in fitted.evidence.members[t.candidate]
-        ]
-        estimates = {}
-        for i in index:
-            term = fitted.terms[i]
-            value = term.value(float(fitted.after.theta[i]))
-            width = float(sigma[i])
-            if term.power == 2:
-                width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
-            if term.parameter == PRODUCT or term.family is not None:
-                continue
-            if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
-                value = -value
-            target = called(term.target)
-            estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
-        if in_places := [i for i in index if fitted.terms[i].family is not None]:
-            estimates["rms in places"] = _rms(fitted, in_places)
-        rivals = _rivals(fitted, own)
-        separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
-        out.append(
-            Finding(
-                name=name,
-                probability=min(max(fitted.probability[c] for c in own), 0.999),
-                parameters=estimates,
-                rivals=rivals,
-                separate_by=separate,
-                gap_without=float(np.sqrt(taken.chi2[everything - {name}])),
-                gap_with=shrunk.after,
-                share=taken.share[name] / shrunk.before**2,
-            )
-        )
-    return out
-
-
-def _rms(fitted: Fit, index: Sequence[int]) -> Estimate:
-    """Of a pattern without a formula, over the signal; its width from the gain of every place alone."""
-    e = fitted.evidence.e
-    theta = fitted.after.theta[list(index)]
-    square = float(theta @ e.G[np.ix_(index, index)] @ theta) / e.signal
-    return Estimate(float(np.sqrt(max(square, 0.0))), float(np.sqrt(len(index) / e.signal)), "1")
-
-
-def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, float], ...]:
-    """What else could stand in these causes' place, and how probable that is."""
-    rest = set(fitted.best.causes) - set(own)
-    chances: dict[str, float] = {}
-    for cause, p in fitted.probability.items():
-        if cause not in fitted.best.causes and cause[0] in CATALOGUED - {c[0] for c in own}:
-            with_own = sum(
-                np.exp(h.score - fitted.best.score)
-                for h in fitted.hypotheses
-                if cause in h.causes and rest <= set(h.causes) and not set(own) & set(h.causes)
-            )
-            if with_own > 1e-3:
-                chances[cause[0]] = chances.get(cause[0], 0.0) + min(float(with_own), p)
-    return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
-
-
-def _noise_finding(noise: NoiseFinding, chi: float) -> Finding:
-    values = {n: Estimate(x.value, x.sigma, x.unit) for n, x in noise.parameters.items()}
-    return Finding(noise.name, min(noise.probability, 0.999), values, (), None, chi, chi, 0.0)
-
-
 def _noise_change(noise: NoiseFinding) -> Change:
     """Its numbers stand for those of the sensor's data sheet."""
     return Change(noise.name, "", {n: x.value for n, x in noise.parameters.items()}, None)
-
-
-def _unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
-    """Generic families that the evidence asks for, described by where their largest part lies."""
-    out = []
-    for cause in fitted.best.causes:
-        p = fitted.probability.get(cause, 0.0)
-        if cause[0] in CATALOGUED or p < PRESENT:
-            continue
-        index = fitted.evidence.members[cause]
-        theta = fitted.after.theta[index]
-        sub = fitted.evidence.e.G[np.ix_(index, index)]
-        rms = float(np.sqrt(max(theta @ sub @ theta, 0) / fitted.evidence.e.signal))
-        words = cause[0] + (f" {called(cause[1])}" if cause[1] else "")
-        largest = fitted.terms[index[int(np.argmax(np.abs(theta) * fitted.evidence.share[index]))]]
-        out.append((f"{words}: {100 * rms:.1f} % of the signal, most of it in {largest.parameter}", p))
-    sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)
-    nothing = float(fitted.probability_of_none)
-    if fitted.best.causes and not sure and nothing < PRESENT:
-        tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
-        out.append((f"something that no effect alone explains (nearest: {tried})", 1 - nothing))
-    return tuple(out)
 
 
 def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]) -> Ledger:

@@ -1,0 +1,111 @@
+"""What a fit says in words and numbers: the effects found with their parameters and rivals, and what has no name."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gap.advice import separating
+from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution
+from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.fit import Fit, uncertainty
+from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.shrinkage import Gap
+from analysis.gap.subpixel_terms import PRODUCT
+from interchange.effects.parts import called
+
+
+def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
+    sigma = uncertainty(fitted)
+    everything = frozenset(taken.players)
+    by = {
+        (*t.candidate, t.parameter): float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
+    }
+    out = []
+    for name in (n for n in taken.players if n in CATALOGUED):
+        own = list(taken.players[name])
+        index = [
+            i
+            for i, t in enumerate(fitted.terms)
+            if t.candidate in own and i in fitted.evidence.members[t.candidate]
+        ]
+        estimates = {}
+        for i in index:
+            term = fitted.terms[i]
+            value = term.value(float(fitted.after.theta[i]))
+            width = float(sigma[i])
+            if term.power == 2:
+                width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
+            if term.parameter == PRODUCT or term.family is not None:
+                continue
+            if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
+                value = -value
+            target = called(term.target)
+            estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
+        if in_places := [i for i in index if fitted.terms[i].family is not None]:
+            estimates["rms in places"] = _rms(fitted, in_places)
+        rivals = _rivals(fitted, own)
+        separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
+        out.append(
+            Finding(
+                name=name,
+                probability=min(max(fitted.probability[c] for c in own), 0.999),
+                parameters=estimates,
+                rivals=rivals,
+                separate_by=separate,
+                gap_without=float(np.sqrt(taken.chi2[everything - {name}])),
+                gap_with=shrunk.after,
+                share=taken.share[name] / shrunk.before**2,
+            )
+        )
+    return out
+
+
+def _rms(fitted: Fit, index: Sequence[int]) -> Estimate:
+    """Of a pattern without a formula, over the signal; its width from the gain of every place alone."""
+    e = fitted.evidence.e
+    theta = fitted.after.theta[list(index)]
+    square = float(theta @ e.G[np.ix_(index, index)] @ theta) / e.signal
+    return Estimate(float(np.sqrt(max(square, 0.0))), float(np.sqrt(len(index) / e.signal)), "1")
+
+
+def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, float], ...]:
+    """What else could stand in these causes' place, and how probable that is."""
+    rest = set(fitted.best.causes) - set(own)
+    chances: dict[str, float] = {}
+    for cause, p in fitted.probability.items():
+        if cause not in fitted.best.causes and cause[0] in CATALOGUED - {c[0] for c in own}:
+            with_own = sum(
+                np.exp(h.score - fitted.best.score)
+                for h in fitted.hypotheses
+                if cause in h.causes and rest <= set(h.causes) and not set(own) & set(h.causes)
+            )
+            if with_own > 1e-3:
+                chances[cause[0]] = chances.get(cause[0], 0.0) + min(float(with_own), p)
+    return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
+
+
+def noise_effect(noise: NoiseFinding, chi: float) -> Finding:
+    values = {n: Estimate(x.value, x.sigma, x.unit) for n, x in noise.parameters.items()}
+    return Finding(noise.name, min(noise.probability, 0.999), values, (), None, chi, chi, 0.0)
+
+
+def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
+    """Generic families that the evidence asks for, described by where their largest part lies."""
+    out = []
+    for cause in fitted.best.causes:
+        p = fitted.probability.get(cause, 0.0)
+        if cause[0] in CATALOGUED or p < PRESENT:
+            continue
+        index = fitted.evidence.members[cause]
+        theta = fitted.after.theta[index]
+        sub = fitted.evidence.e.G[np.ix_(index, index)]
+        rms = float(np.sqrt(max(theta @ sub @ theta, 0) / fitted.evidence.e.signal))
+        words = cause[0] + (f" {called(cause[1])}" if cause[1] else "")
+        largest = fitted.terms[index[int(np.argmax(np.abs(theta) * fitted.evidence.share[index]))]]
+        out.append((f"{words}: {100 * rms:.1f} % of the signal, most of it in {largest.parameter}", p))
+    sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)
+    nothing = float(fitted.probability_of_none)
+    if fitted.best.causes and not sure and nothing < PRESENT:
+        tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
+        out.append((f"something that no effect alone explains (nearest: {tried})", 1 - nothing))
+    return tuple(out)
