@@ -19,6 +19,7 @@ LEAST_CUT = 30  # pixels
 LEAST_LOWER = (
     0.01  # that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
 )
+SURELY = 0.9  # probability of steps, from which on everything else is judged with them
 QUALITIES = range(20, 100, 2)
 SHALLOW = 0.85  # dip of what compressing once more changes, that chance makes
 
@@ -38,6 +39,17 @@ def code_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndar
             if f is not None and (f.name not in found or f.probability > found[f.name].probability):
                 found[f.name] = f
     return list(found.values())
+
+
+def with_steps(conditions: Sequence[Condition]) -> list[Condition]:
+    """The conditions with the step from one code to the next that their camera's files surely have."""
+    steps: dict[str, float] = {}
+    for camera in dict.fromkeys(c.camera.name for c in conditions):
+        own = [c for c in conditions if c.camera.name == camera and c.captures[0].bits]
+        told = quantization(own) if own else None
+        if told is not None and told.probability > SURELY:
+            steps[camera] = 2.0 ** (own[0].camera.sensor.bits_out - told.parameters["bits"].value)
+    return [replace(c, step=steps.get(c.camera.name, 1.0)) for c in conditions]
 
 
 def quantization(conditions: Sequence[Condition]) -> NoiseFinding | None:

@@ -34,6 +34,7 @@ class Condition:
     mask: np.ndarray  # (H, W) bool
     held_out: bool = False
     rendered: Rendered | None = None
+    step: float = 1.0  # DN from one code that occurs to the next
 
     @property
     def name(self) -> str:

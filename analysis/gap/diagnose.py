@@ -21,14 +21,14 @@ from analysis.gap.attribution import (
     without,
 )
 from analysis.gap.chain_terms import signed
-from analysis.gap.code_findings import without_flat_tops
+from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
-from analysis.gap.findings import effects_found, noise_effect, what_is_unknown
+from analysis.gap.findings import beside_unknown, effects_found, noise_effect, what_is_unknown
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
@@ -40,6 +40,7 @@ from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
+from analysis.gap.scales import LEFT
 from analysis.gap.shrinkage import Yardstick, gap, yardstick
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
@@ -48,6 +49,7 @@ from interchange.effects.parts import called
 from interchange.formats.document import Document
 from interchange.problems import BrightfieldError
 
+SLIGHTLY = 1.5  # times a tolerance that nobody need look after
 WRITTEN = ("sensor_noise", "fixed_pattern", "jpeg")  # effects without a mean that a scene file can say
 
 
@@ -101,7 +103,7 @@ def diagnose(
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
-    found = with_files_bits(conditions(captures, document))
+    found = with_steps(with_files_bits(conditions(captures, document)))
     rendered = render_all(
         [(c.scene, c.camera) for c in found], render, settings, cache, lambda k, n: told("rendering", k / n)
     )
@@ -148,7 +150,10 @@ def diagnose(
         for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
         if (t.cause, t.parameter) == ("black_level", "black_level")
     )
-    judged = noise_findings(with_black_level(whole, black), corrected)
+    judged = [
+        beside_unknown(n, fitted, whole[0].camera.sensor)
+        for n in noise_findings(with_black_level(whole, black), corrected)
+    ]
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
@@ -174,7 +179,7 @@ def diagnose(
         errors = without(fitted, fitted.best.causes)
         check = verified(scene_file, held, errors, by, claim**0.5, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
-    notes = [*_refuted(fitted), *_notes(all_of_them, where, tried, left)]
+    notes = [*_refuted(fitted), *_wider(fitted), *_notes(all_of_them, where, tried, left)]
     if check is not None and check.sentence:
         notes.insert(0, check.sentence)
     diagnosis = Diagnosis(
@@ -190,6 +195,7 @@ def diagnose(
         metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
         verification=check,
         smallest=detectable(fitted.evidence),
+        over_declared=fitted.factors,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 
@@ -281,6 +287,18 @@ def _refuted(fitted: Fit) -> list[str]:
         f"without it, so it is taken back."
         for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
     ]
+
+
+def _wider(fitted: Fit) -> list[str]:
+    notes = []
+    for name, factor in fitted.factors.items():
+        if factor > SLIGHTLY:
+            of = name if name == LEFT else f"errors of {name}"
+            notes.append(
+                f"{of[0].upper()}{of[1:]} look {factor:g} times as large as declared, and are taken so: check the "
+                f"calibration. Effects below that are not found."
+            )
+    return notes
 
 
 def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dict[str, str]) -> list[str]:

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +72,8 @@ class Diagnosis:
 
     ``notes``: what limits the diagnosis, one sentence each. ``waterfall``: mean χ² from the scene file as written down
     to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured. ``smallest``: of each
-    effect, what would have been found.
+    effect, what would have been found. ``over_declared``: how large a tolerance looks over what is declared, of those
+    that do not look as declared.
     """
 
     effects: tuple[Finding, ...]
@@ -87,6 +88,7 @@ class Diagnosis:
     metric: Metric | None = None
     verification: Verification | None = None
     smallest: tuple[Detectable, ...] = ()
+    over_declared: dict[str, float] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -98,7 +100,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
     ``smallest`` (rms over the signal that an effect would be found from, ``easiest`` and ``hardest``; null: never),
-    ``notes``."""
+    ``tolerances_over_declared``, ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -148,6 +150,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
             }
             for x in d.smallest
         },
+        "tolerances_over_declared": d.over_declared,
         "notes": list(d.notes),
     }
 

@@ -1,6 +1,7 @@
 """What a fit says in words and numbers: the effects found with their parameters and rivals, and what has no name."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,10 +9,12 @@ from analysis.gap.advice import separating
 from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution
 from analysis.gap.diagnosis import Estimate, Finding
 from analysis.gap.fit import Fit, uncertainty
+from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.shrinkage import Gap
 from analysis.gap.subpixel_terms import PRODUCT
 from interchange.effects.parts import called
+from interchange.sensor import Sensor
 
 
 def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
@@ -87,6 +90,20 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
 def noise_effect(noise: NoiseFinding, chi: float) -> Finding:
     values = {n: Estimate(x.value, x.sigma, x.unit) for n, x in noise.parameters.items()}
     return Finding(noise.name, min(noise.probability, 0.999), values, (), None, chi, chi, 0.0)
+
+
+def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFinding:
+    """A fixed pattern beside what has no name and is fixed to the image may be what that leaves at its pixels: less
+    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.fit.believed)."""
+    if noise.name != "fixed_pattern":
+        return noise
+    e, theta, unknown = fitted.evidence.e, fitted.after.theta, 0.0
+    for cause in fitted.best.causes:
+        if cause[0] in FIXED_TO_THE_IMAGE:
+            index = fitted.evidence.members[cause]
+            unknown += float(theta[index] @ e.G[np.ix_(index, index)] @ theta[index]) / e.signal
+    own = max(noise.parameters["prnu"].value ** 2 - sheet.prnu**2, 0.0)
+    return replace(noise, probability=noise.probability * own / (own + unknown)) if unknown else noise
 
 
 def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:

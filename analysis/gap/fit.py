@@ -4,7 +4,7 @@ Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Changes
 from analysis.gap.saturation_terms import saturation_terms
+from analysis.gap.scales import shares
 from analysis.gap.search import Search, Stand, Told, total_of
 from analysis.gap.state import State
 from analysis.gap.terms import Term
@@ -48,6 +49,7 @@ class Fit:
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
+    factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
 
     @property
     def best(self) -> Hypothesis:
@@ -75,17 +77,29 @@ def fit(
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
     without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
     where the scene has it, with the light that goes by way of other surfaces."""
-    search = Search(conditions, tuple(_terms(conditions, tolerances, knots)), knots, told)
+    terms = tuple(_terms(conditions, tolerances, knots))
+    parts = shares(lambda t: _terms(conditions, t, knots), tolerances)
+    search = Search(conditions, terms, knots, told, parts)
     told("registration", 0.0)
-    first = search.stand(search.registered(), {}, "evidence", {})
+    first = search.scaled(search.stand(search.registered(), {}, "evidence", {}))
+    if search.factors.get("registration_px", 1.0) > 1:
+        first = search.scaled(search.stand(search.registered(), {}, "evidence", first.kept))
     stands = _followed(search, first, redraw is not None) if first.best.causes else []
-    chosen = max(stands or [first], key=lambda s: s.best.score)
+    chosen = _rescaled(search, first, max(stands or [first], key=lambda s: s.best.score))
     far = search.far(chosen)
     if redraw is not None and far:
-        search = Search(redraw(conditions, far), search.terms, knots, told)
+        search = search.elsewhere(redraw(conditions, far))
         there = search.stand(chosen.at, {}, "evidence", {})
         chosen = search.gone_on(there, "fit anew")
-    return replace(_fit(search.terms, chosen, knots), redrawn=far)
+    return replace(_fit(search.terms, chosen, knots), redrawn=far, factors=search.factors)
+
+
+def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:
+    """The stand with tolerances as large as they look from there, followed where that makes other causes of it."""
+    stand = search.scaled(chosen)
+    if not stand.best.causes and stand.evidence.in_force:
+        return search.stand(search.registered(), {}, "evidence", first.kept)
+    return stand if stand.best.causes == chosen.best.causes else search.gone_on(stand, "fit again")
 
 
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
@@ -215,7 +229,9 @@ def uncertainty(found: Fit) -> np.ndarray:
     own = [p.of(kept) for p in found.parts]
     fitted = []
     for k in range(n):
-        rest = Evidence(total_of([p for i, p in enumerate(own) if i != k]), terms)
+        rest = Evidence(
+            total_of([p for i, p in enumerate(own) if i != k]), terms, spikes=found.evidence.spike[kept]
+        )
         if all(c in rest.members for c in best.causes):
             fitted.append(rest.theta(best))
     if len(fitted) < 3:

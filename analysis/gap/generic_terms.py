@@ -28,6 +28,7 @@ AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 FACTOR, OFFSET = "fixed to the image, multiplicative", "fixed to the image, additive"
 SPOT, GLOW = "fixed to places of the image, multiplicative", "fixed to places of the image, additive"
 WAVES = "stripes fixed to the image"
+FIXED_TO_THE_IMAGE = (FACTOR, OFFSET, SPOT, GLOW, WAVES)
 SHARP = "edges sharper than the lens gives them"
 SURFACE, PATCH, EXTRA = (
     "fixed to the surface",

@@ -26,6 +26,7 @@ GAIN, READ = 0.03, 0.1  # relative errors of gain and read noise that a data she
 LEAST_READ = 0.5  # e-, error of a read noise that is small
 LINEAR = 0.7  # of saturation, up to which the standard takes the line whose slope is K
 LEVELS = 24  # of brightness that variances are put together by
+DITHER = 0.5  # of a step from code to code: less noise does not hide it, and its rounding is not 1/12 of its square
 
 
 def noise_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> list[NoiseFinding]:
@@ -115,9 +116,10 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
     light, still = light.reshape(-1), np.broadcast_to(still, light.shape).reshape(-1)
     whole = [float((capture.pixels - c.mean)[ok].mean()) for capture in c.captures]
     drift = float(np.var(whole, ddof=1))  # of the light from repeat to repeat: no noise, as EMVA 1288 has it
-    measured = c.spread[ok].reshape(-1) - drift - 1 / 12
+    measured = c.spread[ok].reshape(-1) - drift - c.step**2 / 12
     order = np.argsort(simulation[ok].reshape(-1), kind="stable")
-    parts = [i for i in np.array_split(order, LEVELS) if len(i)]
+    hidden = light + still * c.camera.sensor.read_noise**2 >= (DITHER * c.step) ** 2 if c.step > 1 else None
+    parts = [i for i in np.array_split(order, LEVELS) if len(i) and (hidden is None or hidden[i].all())]
     degrees = len(c.captures) - 1
     return [
         (float(light[i].mean()), float(still[i].mean()), float(measured[i].mean()), degrees * len(i))

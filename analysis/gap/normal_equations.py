@@ -3,8 +3,9 @@
 Weights are the inverse of the sensor's variance of a condition's mean, of what the renderer leaves, and of what no
 twin gets right:
 
-    1 / w = σ_t² / repeats + σ_fixed² + (f_s s)² + (f_g² + SAMPLED² / N^1.5) |∇s|² + (f_0 s̄)²
+    1 / w = σ_t² / repeats + σ_fixed² + (Δ² - 1) / 12 + (f_s s)² + (f_g² + SAMPLED² / N^1.5) |∇s|² + (f_0 s̄)²
 
+Δ: DN from one code to the next, where the files lack codes; what rounding to them leaves is alike in all repeats.
 Residuals of neighbouring pixels go together over ``BLOCK`` px, so one pixel in BLOCK² counts (tempering).
 """
 
@@ -88,7 +89,7 @@ def variance(state: State) -> np.ndarray:
     s, e = np.maximum(state.signal, 0), state.simulation
     repeats = len(state.condition.captures)
     dx, dy = state.gradient
-    sensor = state.take(e.temporal) / repeats + state.take(e.fixed)
+    sensor = state.take(e.temporal) / repeats + state.take(e.fixed) + (state.condition.step**2 - 1) / 12
     mean = float(s.mean())
     edge = GRADIENT**2 + (SAMPLED * state.shown.samples**-0.75) ** 2
     return np.asarray(sensor + (SIGNAL * s) ** 2 + edge * (dx**2 + dy**2) + (FLOOR * mean) ** 2, np.float32)

@@ -65,7 +65,7 @@ def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
         else "from the sensor's model; there are no repeats",
         rivals=_ranking(found),
         smallest=_smallest(d),
-        tolerances=_tolerances(captures),
+        tolerances=_tolerances(captures, d.over_declared),
         notes="".join(f"<li>{html.escape(n)}</li>" for n in d.notes),
         seconds=f"{d.seconds:.0f}",
         corrected=html.escape(d.corrected_scene),
@@ -259,14 +259,16 @@ def _smallest(d: Diagnosis) -> str:
     return f"<table>{head}{''.join(rows)}</table>"
 
 
-def _tolerances(captures: Captures) -> str:
+def _tolerances(captures: Captures, over: dict[str, float]) -> str:
     about = parameters(captures.tolerances)
     rows = "".join(
         f"<tr><td><code>{f.name}</code></td><td class=n>{getattr(captures.tolerances, f.name):g}</td>"
-        f"<td>{about[f.name].meaning}{'' if about[f.name].unit == '1' else ', ' + about[f.name].unit}</td></tr>"
+        f"<td>{about[f.name].meaning}{'' if about[f.name].unit == '1' else ', ' + about[f.name].unit}</td>"
+        f"<td class=n>{f'{over[f.name]:g}' if f.name in over else ''}</td></tr>"
         for f in fields(captures.tolerances)
     )
-    return f"<table>{rows}</table>"
+    head = "<tr><th>tolerance</th><th class=n>declared</th><th>one σ of</th><th class=n>looks times that</th></tr>"
+    return f"<table>{head if over else ''}{rows}</table>"
 
 
 def _kind(kind: str, shares: Sequence[Share]) -> str:

@@ -18,9 +18,11 @@ def sentence(d: Diagnosis) -> str:
     closing = f"{100 * d.gap.explained:.0f} % of what can be closed on captures that nothing was fitted to"
     match d.verdict:
         case "none":
+            wider = [f"{n.replace('_', ' ')} {k:g} times" for n, k in d.over_declared.items() if k > 1.5]
+            taken = f", taken wider than declared ({', '.join(wider)})" if wider else ""
             return (
-                f"No unmodelled effect was found: the captures are what the scene file says, within its tolerances "
-                f"(chi {g.before:.2f}, noise {g.noise_floor:.2f})."
+                f"No unmodelled effect was found: the captures are what the scene file says, within its "
+                f"tolerances{taken} (chi {g.before:.2f}, noise {g.noise_floor:.2f})."
             )
         case "effects":
             return f"The gap comes from {names(d.effects)}; adding that closes {closing}."

@@ -5,7 +5,7 @@ where a hypothesis has them (Gauss-Newton), and all is linearised anew there.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for
 from analysis.gap.radiance import Changes
+from analysis.gap.scales import Shares, factors, widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Term, added
@@ -25,6 +26,7 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
+RESCALED = 2  # times that tolerances are looked at with other hypotheses
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
@@ -70,17 +72,57 @@ class Search:
     """The same captures and terms at every stand."""
 
     def __init__(
-        self, conditions: Sequence[Condition], terms: tuple[Term, ...], knots: Knots | None, told: Told
+        self,
+        conditions: Sequence[Condition],
+        terms: tuple[Term, ...],
+        knots: Knots | None,
+        told: Told,
+        shares: Shares | None = None,
     ) -> None:
-        self.conditions, self.terms, self.knots, self.told = conditions, terms, knots, told
+        """``shares``: which tolerance each term's spike comes from; without them all are as declared."""
+        self.conditions, self.terms, self.knots, self.told, self.shares = (
+            conditions,
+            terms,
+            knots,
+            told,
+            shares,
+        )
         self.stride = stride_for(conditions)
         self.q = len(terms)
-        self.spikes: np.ndarray | None = (
-            None  # of the terms, at the first stand: tolerances do not grow with a blur
-        )
+        # of the terms, at the first stand: tolerances do not grow with a blur
+        self.declared: np.ndarray | None = None
+        self.spikes: np.ndarray | None = None  # the same, as large as the captures say
+        self.factors: dict[str, float] = {}
         self.registering = {
             i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
         }
+
+    def elsewhere(self, conditions: Sequence[Condition]) -> "Search":
+        """The same search, tolerances included, of the same captures with other renderings."""
+        there = Search(conditions, self.terms, self.knots, self.told, self.shares)
+        there.declared, there.spikes, there.factors = self.declared, self.spikes, self.factors
+        return there
+
+    def scaled(self, stand: Stand) -> Stand:
+        """The same with tolerances as large as the captures say that they are, and a registration within them."""
+        if self.declared is None or self.shares is None:
+            return stand
+        evidence, hypotheses = stand.evidence, stand.hypotheses
+        for _ in range(RESCALED):
+            declared = np.append(self.declared, evidence.spike[self.q :])
+            found = factors(evidence, declared, self.shares, hypotheses)
+            if found == self.factors:
+                break
+            self.factors = found
+            self.spikes = self.declared * widths(self.shares, found, self.q)
+            evidence = Evidence(
+                evidence.e,
+                stand.terms,
+                evidence.in_force,
+                np.append(self.spikes, evidence.spike[self.q :]),
+            )
+            hypotheses = tuple(evidence.search())
+        return replace(stand, evidence=evidence, hypotheses=hypotheses)
 
     def model(self, theta: np.ndarray, at: np.ndarray) -> Model:
         return Model(self.terms, theta, at, self.knots)
@@ -99,7 +141,7 @@ class Search:
             parts = [equations(s, terms, at[own]) for s in states if s.usable.any()]
             if not parts:
                 break
-            there = Evidence(total_of(parts), terms)
+            there = Evidence(total_of(parts), terms, spikes=None if self.spikes is None else self.spikes[own])
             theta = there.theta(there.at((), ()))
             at = np.zeros(self.q)
             for i, x in zip(own, theta, strict=True):
@@ -346,7 +388,7 @@ class Search:
             raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
         evidence = Evidence(total_of(parts), every, tuple(changes), self.spikes)
         if self.spikes is None:
-            self.spikes = evidence.spike[: self.q]
+            self.declared = self.spikes = evidence.spike[: self.q]
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
 
 

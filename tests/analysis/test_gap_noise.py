@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, without_flat_tops
+from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, with_steps, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.noise import _line, noise_findings, sensor_noise, with_black_level
@@ -185,6 +185,28 @@ def test_fewer_bits_leave_a_comb(bits: int) -> None:
     assert told is not None
     assert told.probability > 0.95
     assert told.parameters["bits"].value == pytest.approx(bits, abs=0.1)
+
+
+@pytest.mark.parametrize("step", [4, 32])
+def test_fewer_levels_are_no_sensor_noise(step: int) -> None:
+    """4 DN: the noise hides the steps. 32 DN: most pixels repeat one code, others jump by a step, and none of that
+    is the sensor's."""
+    found, said = _rig(7, repeats=4)
+
+    def coarse(c: Condition) -> Condition:
+        stack = np.stack([np.rint(x.pixels / step) * step for x in c.captures]).astype(np.float32)
+        shots = tuple(replace(x, pixels=p) for x, p in zip(c.captures, stack, strict=True))
+        return replace(c, captures=shots, mean=stack.mean(axis=0), spread=stack.var(axis=0, ddof=1))
+
+    rounded = [coarse(c) for c in found]
+    judged = {n.name: n.probability for n in noise_findings(rounded, said)}
+    assert judged["sensor_noise"] > 0.9 or step == 4
+    told = with_steps(rounded)
+    assert [c.step for c in told] == pytest.approx([step] * 3, rel=0.05)
+    judged = {n.name: n.probability for n in noise_findings(told, said)}
+    assert judged["quantization"] > 0.9
+    assert judged.get("sensor_noise", 0.0) < 0.1
+    assert [c.step for c in with_steps(found)] == [1.0] * 3
 
 
 def test_a_lower_full_well_cuts_the_histogram() -> None:
