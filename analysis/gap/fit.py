@@ -18,11 +18,11 @@ from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
-from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.radiance import Changes
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares
-from analysis.gap.search import Search, Stand, Told, total_of
+from analysis.gap.search import Search, Stand, Told
 from analysis.gap.state import State
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
@@ -47,6 +47,7 @@ class Fit:
     terms: tuple[Term, ...]
     evidence: Evidence
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
+    doubted: np.ndarray  # (q,): standard deviation of every term where the causes' formulas are in doubt
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
@@ -84,8 +85,11 @@ def fit(
     first = search.scaled(search.stand(search.registered(), {}, "evidence", {}))
     if search.factors.get("registration_px", 1.0) > 1:
         first = search.scaled(search.stand(search.registered(), {}, "evidence", first.kept))
+    first = search.averaged(first)
     stands = _followed(search, first, redraw is not None) if first.best.causes else []
-    chosen = _rescaled(search, first, max(stands or [first], key=lambda s: s.best.score))
+    chosen = max(stands or [first], key=lambda s: s.best.score)
+    if chosen is not first:
+        chosen = _rescaled(search, first, chosen)
     far = search.far(chosen)
     if redraw is not None and far:
         search = search.elsewhere(redraw(conditions, far))
@@ -97,9 +101,12 @@ def fit(
 def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:
     """The stand with tolerances as large as they look from there, followed where that makes other causes of it."""
     stand = search.scaled(chosen)
-    if not stand.best.causes and stand.evidence.in_force:
-        return search.stand(search.registered(), {}, "evidence", first.kept)
-    return stand if stand.best.causes == chosen.best.causes else search.gone_on(stand, "fit again")
+    if stand.best.causes and stand.best.causes != chosen.best.causes:
+        stand = search.gone_on(stand, "fit again")
+    stand = search.averaged(stand)
+    if stand.best.causes or not stand.evidence.in_force:
+        return stand
+    return search.averaged(search.stand(search.registered(), {}, "evidence", first.kept))
 
 
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
@@ -159,7 +166,8 @@ def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
         still = np.where([t.kind == "flow" for t in terms] & ~cause, stand.at, 0.0)
         before = Model(tuple(terms), np.where(cause, 0.0, theta), still, knots)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
-    return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts)
+    doubted = stand.evidence.sigma(best)[:q]
+    return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts, doubted)
 
 
 def believed(
@@ -214,13 +222,14 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
 
 
 def uncertainty(found: Fit) -> np.ndarray:
-    """(q,): standard deviation of every term under the best hypothesis: the formal one, and what leaving out a
-    condition after the other shows (the jackknife), which sees errors that pixels share.
+    """(q,): standard deviation of every term under the best hypothesis: the formal one, where the causes' formulas are
+    in doubt, and what leaving out a condition after the other shows (the jackknife), which sees errors that pixels
+    share.
 
     Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
     """
     best, n = found.best, len(found.parts)
-    formal = found.evidence.sigma(best)
+    formal = np.maximum(found.evidence.sigma(best), found.doubted)
     if n < 3:
         return formal
     wide = {i for c in best.causes for i in found.evidence.members[c]}

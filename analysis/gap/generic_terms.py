@@ -178,9 +178,11 @@ class Boxes:
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], low: np.ndarray, side: float) -> "Boxes":
-        seen = [c.shown.passes["position"][c.shown.passes["object_id"] >= 0] for c in conditions]
-        places = np.unique(np.concatenate([_whole((p - low) / side) for p in seen]), axis=0)
-        number = np.full(places.max(axis=0) + 1 if len(places) else (1, 1, 1), -1, np.int32)
+        views = {id(c.shown): c.shown.passes for c in conditions}.values()
+        every = np.concatenate([_whole((v["position"][v["object_id"] >= 0] - low) / side) for v in views])
+        shape = tuple(every.max(axis=0) + 1) if len(every) else (1, 1, 1)
+        places = np.stack(np.unravel_index(np.unique(np.ravel_multi_index(every.T, shape)), shape), axis=-1)
+        number = np.full(shape, -1, np.int32)
         number[tuple(places.T)] = np.arange(len(places))
         centres = 1e3 * (low + (places + 0.5) * side)
         return cls(low, side, number, tuple(f"({x:.0f}, {y:.0f}, {z:.0f}) mm" for x, y, z in centres))

@@ -155,3 +155,10 @@ def stride_for(conditions: Sequence[Condition]) -> int:
     """Every so many rows and columns are enough: residuals of neighbours go together anyway."""
     smallest = min(c.mean.shape[0] * c.mean.shape[1] for c in conditions)
     return int(np.clip(round(np.sqrt(smallest / ENOUGH)), 1, BLOCK))
+
+
+def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total

@@ -18,7 +18,7 @@ def sentence(d: Diagnosis) -> str:
     closing = f"{100 * d.gap.explained:.0f} % of what can be closed on captures that nothing was fitted to"
     match d.verdict:
         case "none":
-            wider = [f"{n.replace('_', ' ')} {k:g} times" for n, k in d.over_declared.items() if k > 1.5]
+            wider = [f"{n.replace('_', ' ')} {k:g} times" for n, k in d.over_declared.items() if k > 2]
             taken = f", taken wider than declared ({', '.join(wider)})" if wider else ""
             return (
                 f"No unmodelled effect was found: the captures are what the scene file says, within its "

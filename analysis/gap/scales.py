@@ -1,9 +1,9 @@
 """How large calibration's errors are, over what captures.json declares of them.
 
 A tolerance is one standard deviation, and nobody knows it exactly. Where many numbers have the same one, the captures
-tell it: a factor κ for each, that of the largest max log Z over the hypotheses in question, with ln κ normally
-distributed a priori and a further cost for every tolerance that is not as declared. One number that is four
-tolerances off is an effect; a dozen of them are a tolerance that is too small.
+tell it: a factor κ for each, the one under which the best hypothesis is the likeliest, with ln κ normally distributed a
+priori. Probabilities are averaged over what else κ may be. One number that is four tolerances off is an effect; a dozen
+of them are a tolerance that is too small.
 
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
@@ -22,26 +22,29 @@ from interchange.captures import Tolerances
 FACTORS = (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.5)
 DECLARED = FACTORS.index(1.0)
 SPREAD = 0.3  # of ln κ: tolerances are known to a third
-CHANGED = 3.0  # nats that a tolerance other than the declared one costs
 LEAST = 6  # numbers that share a tolerance and tell how large it is
-LEAD = 12  # hypotheses that are looked at
+LEAD, NEAR = (
+    8,
+    12.0,
+)  # hypotheses that are looked at, and how far below the best one's score they are averaged
 EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibration may be judged at all
 
 LEFT = "effects that no tolerance speaks of"  # is never less than it was found to be
 
 Shares = dict[str, np.ndarray]
+Place = dict[str, int]  # number of the factor of each tolerance
 
 
 def shares(of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances) -> Shares:
-    """{tolerance: (q,)}: the part of each term's spike that goes with it, ``LEFT`` apart from the flat field that it is
-    told by (analysis.gap.left). ``of``: the terms under given tolerances."""
-    declared = np.array([t.spike for t in of(tolerances)])
-    out = {}
-    for f in fields(tolerances):
-        value = getattr(tolerances, f.name)
-        twice = np.array([t.spike for t in of(replace(tolerances, **{f.name: 2 * value}))])
-        out[f.name] = np.where(declared > 0, twice / np.maximum(declared, 1e-300) - 1, 0.0)
-    is_field = np.array([t.cause == FACTOR for t in of(tolerances)])
+    """{tolerance: (q,)}: 1 for the terms whose spike goes with it, ``LEFT`` apart from the flat field that it is told
+    by (analysis.gap.left). ``of``: the terms under given tolerances."""
+    times = {f.name: float(k + 2) for k, f in enumerate(fields(tolerances))}
+    wider = {name: factor * getattr(tolerances, name) for name, factor in times.items()}
+    before, after = of(tolerances), of(replace(tolerances, **wider))
+    spikes = [np.array([t.spike for t in terms]) for terms in (before, after)]
+    grown = np.divide(spikes[1], spikes[0], out=np.ones(len(before)), where=spikes[0] > 0)
+    out = {name: np.isclose(grown, factor).astype(float) for name, factor in times.items()}
+    is_field = np.array([t.cause == FACTOR for t in before])
     out[LEFT] = np.where(is_field, 0.0, out["flat_field"])
     out["flat_field"] = np.where(is_field, out["flat_field"], 0.0)
     return out
@@ -63,43 +66,92 @@ def explained(evidence: Evidence, h: Hypothesis) -> bool:
     return bool(left < EXPLAINED * e.count)
 
 
+class Ladder:
+    """Some of a stand's ``hypotheses``, best first, under tolerances of other widths: the best ones and all parts of
+    the best. ``declared`` (q,): spikes as declared. Families of terms that none of them has are left out."""
+
+    def __init__(
+        self, evidence: Evidence, declared: np.ndarray, shares: Shares, hypotheses: Sequence[Hypothesis]
+    ) -> None:
+        best = hypotheses[0]
+        parts = [h for h in hypotheses if set(h.causes) <= set(best.causes)]  # none at all among them
+        self.lead = list(dict.fromkeys([*hypotheses[:LEAD], *parts]))
+        wanted = {i for h in self.lead for c in h.causes for i in evidence.members[c]}
+        kept = np.array([i for i, t in enumerate(evidence.terms) if t.family is None or i in wanted])
+        self.e, self.terms = evidence.e.of(kept), [evidence.terms[i] for i in kept]
+        self.declared, self.in_force = declared[kept], evidence.in_force
+        forms = np.zeros(len(evidence.terms))
+        self.shares = {name: np.append(part, forms)[kept] for name, part in shares.items()}
+        seen = self.e.share > 0
+        self.judged = [name for name, part in self.shares.items() if (part * seen > 0.5).sum() >= LEAST]
+        self._scores: dict[tuple[int, ...], np.ndarray] = {}
+
+    def scores(self, place: Place) -> np.ndarray:
+        """(n,): of the hypotheses, with the prior of the factors at ``place``."""
+        key = tuple(place[name] for name in self.judged)
+        if key not in self._scores:
+            wide = widths(self.shares, {n: FACTORS[k] for n, k in place.items()}, len(self.terms))
+            there = Evidence(self.e, self.terms, self.in_force, self.declared * wide)
+            prior = sum(-0.5 * (np.log(FACTORS[k]) / SPREAD) ** 2 for k in key)
+            found = [there.at(h.causes, h.slabs).score for h in self.lead]
+            self._scores[key] = np.array(found) + float(prior)
+        return self._scores[key]
+
+    def climbed(self, place: Place, which: slice) -> Place:
+        """Up and down the factors from ``place``, one tolerance after the other, as long as the best of some of the
+        hypotheses gains."""
+        best, moved = self.scores(place)[which].max(), True
+        while moved:
+            moved = False
+            for name, way in product(self.judged, (1, -1)):
+                while (k := place[name] + way) in _steps(name):
+                    found = self.scores(place | {name: k})[which].max()
+                    if found <= best:
+                        break
+                    best, place, moved = found, place | {name: k}, True
+        return place
+
+    def averaged(self, place: Place, i: int) -> float:
+        """The score of hypothesis ``i`` by all that each tolerance may be, one at a time, around where it is best."""
+        place = self.climbed(place, slice(i, i + 1))
+        there = float(self.scores(place)[i])
+        rungs = [[self.scores(place | {name: k})[i] - there for k in _steps(name)] for name in self.judged]
+        return there + sum(float(np.logaddexp.reduce(np.array(rung))) for rung in rungs)
+
+
+def _steps(name: str) -> range:
+    return range(DECLARED if name == LEFT else 0, len(FACTORS))
+
+
 def factors(
     evidence: Evidence, declared: np.ndarray, shares: Shares, hypotheses: Sequence[Hypothesis]
 ) -> dict[str, float]:
     """{tolerance: κ}, of those that are not as declared; none where the best of ``hypotheses``, best first, explains
-    the captures badly: errors of another kind would pass for calibration's.
-
-    ``declared`` (q,): spikes as declared. Up and down a ladder of factors, one tolerance after the other, as long as
-    that helps; what gains less than its cost is left as declared.
-    """
+    the captures badly: errors of another kind would pass for calibration's. ``declared`` (q,): spikes as declared."""
     if not explained(evidence, hypotheses[0]):
         return {}
-    lead = [*hypotheses[:LEAD], evidence.at((), ())]
-    wanted = {i for h in lead for c in h.causes for i in evidence.members[c]}
-    kept = np.array([i for i, t in enumerate(evidence.terms) if t.family is None or i in wanted])
-    e, terms = evidence.e.of(kept), [evidence.terms[i] for i in kept]
-    own = {name: np.resize(np.append(part, np.zeros(len(evidence.terms))), len(evidence.terms))[kept]
-           for name, part in shares.items()}  # fmt: skip
-    judged = [name for name, part in own.items() if (part * (evidence.share[kept] > 0) > 0.5).sum() >= LEAST]
-    place = dict.fromkeys(judged, DECLARED)
-
-    def score(at: dict[str, int]) -> float:
-        spikes = declared[kept] * widths(own, {n: FACTORS[k] for n, k in at.items()}, len(kept))
-        there = Evidence(e, terms, evidence.in_force, spikes)
-        prior = sum(-0.5 * (np.log(FACTORS[k]) / SPREAD) ** 2 for k in at.values())
-        return max(there.at(h.causes, h.slabs).score for h in lead) + float(prior)
-
-    best, moved = score(place), True
-    while moved:
-        moved = False
-        for name, way in product(judged, (1, -1)):
-            least = DECLARED if name == LEFT else 0
-            while (
-                least <= (k := place[name] + way) < len(FACTORS)
-                and (found := score(place | {name: k})) > best
-            ):
-                best, place, moved = found, place | {name: k}, True
-    for name in judged:
-        if place[name] != DECLARED and best - score(as_declared := place | {name: DECLARED}) < CHANGED:
-            best, place = score(as_declared), as_declared
+    ladder = Ladder(evidence, declared, shares, hypotheses)
+    place = ladder.climbed(dict.fromkeys(ladder.judged, DECLARED), slice(None))
     return {name: FACTORS[k] for name, k in place.items() if k != DECLARED}
+
+
+def averaged(
+    evidence: Evidence,
+    declared: np.ndarray,
+    shares: Shares,
+    hypotheses: Sequence[Hypothesis],
+    factors: dict[str, float],
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses of a stand whose tolerances are ``factors`` times as declared, best first, by all that each
+    tolerance may be: one that needs it to be just so is less probable. The best keeps its score, as others' are told
+    by it."""
+    if not explained(evidence, hypotheses[0]):
+        return tuple(hypotheses)
+    ladder = Ladder(evidence, declared, shares, hypotheses)
+    place = {name: FACTORS.index(factors.get(name, 1.0)) for name in ladder.judged}
+    best = hypotheses[0]
+    near = [h for h in ladder.lead if h.score > best.score - NEAR or set(h.causes) < set(best.causes)]
+    gain = {h: ladder.averaged(place, ladder.lead.index(h)) - h.score for h in near}
+    least = min(gain.values())
+    told = [replace(h, log_Z=h.log_Z + gain.get(h, least) - gain[best]) for h in hypotheses]
+    return tuple(sorted(told, key=lambda h: -h.score))

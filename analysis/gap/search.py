@@ -15,9 +15,9 @@ from analysis.gap.evidence import Cause, Evidence, Hypothesis
 from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
-from analysis.gap.normal_equations import NormalEquations, equations, stride_for
+from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.radiance import Changes
-from analysis.gap.scales import Shares, factors, widths
+from analysis.gap.scales import Shares, averaged, factors, widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Term, added
@@ -104,7 +104,7 @@ class Search:
         return there
 
     def scaled(self, stand: Stand) -> Stand:
-        """The same with tolerances as large as the captures say that they are, and a registration within them."""
+        """The same with tolerances as large as the captures say that they are."""
         if self.declared is None or self.shares is None:
             return stand
         evidence, hypotheses = stand.evidence, stand.hypotheses
@@ -123,6 +123,14 @@ class Search:
             )
             hypotheses = tuple(evidence.search())
         return replace(stand, evidence=evidence, hypotheses=hypotheses)
+
+    def averaged(self, stand: Stand) -> Stand:
+        """The same with hypotheses by all that tolerances may be besides what they look."""
+        if self.declared is None or self.shares is None:
+            return stand
+        declared = np.append(self.declared, stand.evidence.spike[self.q :])
+        told = averaged(stand.evidence, declared, self.shares, stand.hypotheses, self.factors)
+        return replace(stand, hypotheses=told)
 
     def model(self, theta: np.ndarray, at: np.ndarray) -> Model:
         return Model(self.terms, theta, at, self.knots)
@@ -390,10 +398,3 @@ class Search:
         if self.spikes is None:
             self.declared = self.spikes = evidence.spike[: self.q]
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
-
-
-def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total

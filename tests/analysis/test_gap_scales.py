@@ -7,7 +7,7 @@ import pytest
 
 from analysis.gap.evidence import Evidence
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.scales import LEFT, factors, shares, widths
+from analysis.gap.scales import LEFT, averaged, factors, shares, widths
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -64,12 +64,29 @@ def test_a_tolerance_that_is_too_small_is_told_and_no_effect_beside_it() -> None
         evidence = _evidence(_drawn(1, 3, seed))
         called["declared"] += bool(evidence.search()[0].causes)
         found = _found(evidence)
-        assert found == {"albedo": pytest.approx(2.2, abs=1)}
+        assert found["albedo"] == pytest.approx(2.2, abs=1)
+        assert [name for name, factor in found.items() if factor > 1] == ["albedo"]
         spikes = evidence.spike * widths(shares(_terms, Tolerances()), found, len(evidence.terms))
         there = Evidence(evidence.e, evidence.terms, spikes=spikes)
         called["as large as they look"] += bool(there.search()[0].causes)
     assert called["declared"] == 8
     assert called["as large as they look"] <= 1
+
+
+def test_what_needs_a_tolerance_to_be_just_so_is_less_probable() -> None:
+    """Three numbers of twenty are off by 5 tolerances: an effect each as declared; a tolerance twice as large says
+    nearly the same."""
+    theta = _drawn(1, 1)
+    theta[EACH : EACH + 3] = [5 * SPIKE, -5 * SPIKE, 5 * SPIKE]
+    evidence, own = _evidence(theta), shares(_terms, Tolerances())
+    hypotheses = evidence.search()
+    told = averaged(evidence, evidence.spike, own, hypotheses, {})
+    assert {h.causes for h in told} == {h.causes for h in hypotheses}
+    best = hypotheses[0]
+    assert best.causes
+    none = [next(h.score for h in some if not h.causes) for some in (hypotheses, told)]
+    assert next(h.score for h in told if h.causes == best.causes) == pytest.approx(best.score)
+    assert none[1] > none[0] + 1
 
 
 def test_one_number_far_off_is_an_effect() -> None:
