@@ -350,7 +350,10 @@ class Search:
                 whole = state.simulation.dn - without.state(c).simulation.dn
                 there = state.take(whole)
                 change = change + there
-                bend = np.asarray(there - added(state, own, model.at[index]), np.float32)
+                if any(
+                    t.kind != "flow" for t in own
+                ):  # what moves the image stands there without its cause as well
+                    bend = np.asarray(there - added(state, own, model.at[index]), np.float32)
                 if chain:
                     moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
             out[c.name] = Changed(np.asarray(change, np.float32), moved, bend)

@@ -1,15 +1,18 @@
 """Effects of noise, recovered from simulated repeats of a lit plane with stripes; 160 x 120 px, no renderer."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, with_steps, without_flat_tops
 from analysis.gap.conditions import Condition
+from analysis.gap.findings import beside_unknown
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.noise import _line, noise_findings, sensor_noise, with_black_level
-from analysis.gap.noise_finding import probability
+from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture
@@ -207,6 +210,22 @@ def test_fewer_levels_are_no_sensor_noise(step: int) -> None:
     assert judged["quantization"] > 0.9
     assert judged.get("sensor_noise", 0.0) < 0.1
     assert [c.step for c in with_steps(found)] == [1.0] * 3
+
+
+@pytest.mark.parametrize(("rms", "kept"), [(0.0, 1.0), (0.003, 0.5), (0.03, 1 / 101)])
+def test_a_fixed_pattern_beside_what_has_no_name_is_less_probable(rms: float, kept: float) -> None:
+    """PRNU 0.5 % where the data sheet has 0.4 %: 0.3 % more, beside stripes of ``rms`` over the signal."""
+    stripes = ("stripes fixed to the image", "/Top")
+    e = SimpleNamespace(G=np.diag([100.0, 7.0]), signal=100.0)
+    fitted: Any = SimpleNamespace(
+        evidence=SimpleNamespace(e=e, members={stripes: np.array([0]), ("defocus", ""): np.array([1])}),
+        after=SimpleNamespace(theta=np.array([rms, 5.0])),
+        best=SimpleNamespace(causes=(stripes, ("defocus", ""))),
+    )
+    told = NoiseFinding("fixed_pattern", 0.9, {"prnu": Number(0.005, 1e-4, "1")})
+    assert beside_unknown(told, fitted, SHEET).probability == pytest.approx(0.9 * kept)
+    other = replace(told, name="sensor_noise")
+    assert beside_unknown(other, fitted, SHEET) == other
 
 
 def test_a_lower_full_well_cuts_the_histogram() -> None:
