@@ -126,11 +126,18 @@ def families(terms: Sequence[Term]) -> list[tuple[Family, np.ndarray]]:
 def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
     """(h, w, C) float64: what ``theta`` (q,) of ``terms`` add to the image."""
     total = np.zeros(state.signal.shape)
+    motion: list[np.ndarray] = []  # what moves the image moves it together, which is drawn once
     for term, x in zip(terms, theta, strict=True):
-        if x and term.family is None:
+        if x and term.flow is not None:
+            flow = term.flow(state)
+            if flow is not None:
+                motion.append(x * np.stack(flow))
+        elif x and term.family is None:
             column = term.field(state)
             if column is not None:
                 total += x * column
+    if motion:
+        total += state.shifted(*np.sum(motion, axis=0))
     for family, index in families(terms):
         if theta[index].any():
             found = family.cells(state)
