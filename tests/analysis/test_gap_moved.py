@@ -11,6 +11,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.fine_optics import blurred
 from analysis.gap.radiance import FINE, Rendered, pixels
 from analysis.gap.state import State
+from analysis.gap.terms import Term, added, moving
 from analysis.gap.views import Views
 from interchange.camera import Camera, Lens, Sensor
 from interchange.captures import Tolerances
@@ -117,6 +118,21 @@ def test_what_acts_within_a_pixel_is_told_by_derivatives_there() -> None:
         a, b = np.concatenate(got), np.concatenate(want)
         assert np.corrcoef(a, b)[0, 1] > (0.85 if key[1] == "blue" else 0.95), key
         assert a @ b / (b @ b) == pytest.approx(1.0, abs=within), key
+
+
+def test_motions_add_up() -> None:
+    """Two that are drawn together, beside what does not move, against each by itself."""
+    state = State(seen_by_a_sensor(shown(12.4)))
+    column, row = (plane / 10 for plane in state.grid)
+    flows = [(np.ones_like(column), 0 * row), (column, row)]
+    terms = [moving("camera_pose", "/eye", f"{k}", "1", 1.0, lambda s, f=f: f) for k, f in enumerate(flows)]
+    terms.append(Term("exposure", "", "gain", "1", 1.0, lambda s: s.signal))
+    theta = np.array([0.1, -0.03, 0.02])
+    alone = sum(x * np.asarray(t.field(state)) for x, t in zip(theta, terms, strict=True))
+    assert np.abs(alone).max() > 5
+    assert added(state, terms, theta) == pytest.approx(alone, abs=1e-3)
+    unseen = replace(terms[0], flow=lambda s: None, field=lambda s: None)
+    assert not added(state, [unseen], np.ones(1)).any()
 
 
 def test_a_camera_with_a_blur_and_one_that_is_given_it_see_alike() -> None:
