@@ -152,7 +152,7 @@ def diagnose(
     )
     judged = [
         beside_unknown(n, fitted, whole[0].camera.sensor)
-        for n in noise_findings(with_black_level(whole, black), corrected)
+        for n in noise_findings(with_black_level(whole, black), corrected, black)
     ]
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, shrunk.after) for n in noise]

@@ -29,17 +29,16 @@ LEVELS = 24  # of brightness that variances are put together by
 DITHER = 0.5  # of a step from code to code: less noise does not hide it, and its rounding is not 1/12 of its square
 
 
-def noise_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> list[NoiseFinding]:
+def noise_findings(
+    conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
+) -> list[NoiseFinding]:
     """Every effect of this class that can be judged, whatever its probability.
 
-    ``simulations``: (H, W, C) DN of each condition with all that the fit corrects.
+    ``simulations``: (H, W, C) DN of each condition with all that the fit corrects; ``offset``: DN by which its black
+    level is not the data sheet's.
     """
-    found = []
-    for judge in (sensor_noise, fixed_pattern):
-        told = judge(conditions, simulations)
-        if told is not None:
-            found.append(told)
-    return [*found, *code_findings(conditions, simulations)]
+    judged = (sensor_noise(conditions, simulations, offset), fixed_pattern(conditions, simulations))
+    return [*(n for n in judged if n is not None), *code_findings(conditions, simulations)]
 
 
 def with_black_level(conditions: Sequence[Condition], off: float) -> list[Condition]:
@@ -54,8 +53,11 @@ def with_black_level(conditions: Sequence[Condition], off: float) -> list[Condit
     return [one(c) for c in conditions] if off else list(conditions)
 
 
-def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:
-    """None without repeats."""
+def sensor_noise(
+    conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
+) -> NoiseFinding | None:
+    """None without repeats. ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or
+    none; either is that offset's."""
     rows = [
         row
         for c, simulation in zip(conditions, simulations, strict=True)
@@ -80,7 +82,8 @@ def sensor_noise(conditions: Sequence[Condition], simulations: Sequence[np.ndarr
     gain, square = float(theta[0]), float(theta[1] / theta[0] ** 2)
     turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
-    spike = np.array([GAIN, 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)])
+    left = 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)
+    spike = np.array([GAIN, float(np.hypot(left, max(offset, 0.0) / sheet.K))])
     slab = np.array([0.5, 3 * max(sheet.read_noise, 2.0) ** 2])
     above = max(square, 0.0)  # below is noise of the estimate
     p = probability(np.array([gain - 1, above - sheet.read_noise**2]), covariance, spike, slab)

@@ -130,6 +130,19 @@ def test_noise_counts_from_the_black_level_that_was_found() -> None:
     assert wrong.parameters["read_noise"].value == 0
 
 
+@pytest.mark.parametrize(("noisy", "sure"), [(0.0, False), (50.0, False), (400.0, True)])
+def test_an_offset_may_have_a_noise_of_its_own(noisy: float, sure: bool) -> None:
+    """20 DN are 50 e-, which a dark current brings with 50 e-² of noise and a black level without any; 400 e-² are
+    the sensor's."""
+    read = float(np.sqrt(SHEET.read_noise**2 + noisy))
+    found, said = _rig(0, (BlackLevel(84.0), SensorNoise(read)))
+    told = sensor_noise(with_black_level(found, 20.0), [s + 20 for s in said], 20.0)
+    assert told is not None
+    found_read = told.parameters["read_noise"]
+    assert found_read.value == pytest.approx(read, abs=3 * found_read.sigma)
+    assert (told.probability > 0.9) == sure
+
+
 def test_a_light_that_drifts_between_repeats_is_no_noise() -> None:
     """By 2 % of the mean: its variance would be as large as the photons'."""
     found, said = _rig(0)
