@@ -2,8 +2,8 @@
 
 A tolerance is one standard deviation, and nobody knows it exactly. Where many numbers have the same one, the captures
 tell it: a factor κ for each, the one under which the best hypothesis is the likeliest, with ln κ normally distributed a
-priori. Probabilities are averaged over what else κ may be. One number that is four tolerances off is an effect; a dozen
-of them are a tolerance that is too small.
+priori, and never less than 1. Probabilities are averaged over what else κ may be. One number that is four tolerances
+off is an effect; a dozen of them are a tolerance that is too small.
 
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
@@ -19,17 +19,15 @@ from analysis.gap.generic_terms import FACTOR
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
-FACTORS = (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.5)
-DECLARED = FACTORS.index(1.0)
+FACTORS = (1.0, 1.5, 2.0, 3.0, 4.5)  # none below 1: other effects' forms need what is declared
+DECLARED, STEPS = 0, range(len(FACTORS))
 SPREAD = 0.3  # of ln κ: tolerances are known to a third
 LEAST = 6  # numbers that share a tolerance and tell how large it is
-LEAD, NEAR = (
-    8,
-    12.0,
-)  # hypotheses that are looked at, and how far below the best one's score they are averaged
+LEAD = 8  # hypotheses that are looked at, besides the parts of the best one
+NEAR = 12.0  # how far below the best one's score they are averaged
 EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibration may be judged at all
 
-LEFT = "effects that no tolerance speaks of"  # is never less than it was found to be
+LEFT = "effects that no tolerance speaks of"
 
 Shares = dict[str, np.ndarray]
 Place = dict[str, int]  # number of the factor of each tolerance
@@ -104,7 +102,7 @@ class Ladder:
         while moved:
             moved = False
             for name, way in product(self.judged, (1, -1)):
-                while (k := place[name] + way) in _steps(name):
+                while (k := place[name] + way) in STEPS:
                     found = self.scores(place | {name: k})[which].max()
                     if found <= best:
                         break
@@ -115,12 +113,8 @@ class Ladder:
         """The score of hypothesis ``i`` by all that each tolerance may be, one at a time, around where it is best."""
         place = self.climbed(place, slice(i, i + 1))
         there = float(self.scores(place)[i])
-        rungs = [[self.scores(place | {name: k})[i] - there for k in _steps(name)] for name in self.judged]
+        rungs = [[self.scores(place | {name: k})[i] - there for k in STEPS] for name in self.judged]
         return there + sum(float(np.logaddexp.reduce(np.array(rung))) for rung in rungs)
-
-
-def _steps(name: str) -> range:
-    return range(DECLARED if name == LEFT else 0, len(FACTORS))
 
 
 def factors(
