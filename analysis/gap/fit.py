@@ -3,8 +3,9 @@
 Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -33,6 +34,7 @@ STARTS = 4
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
 NEARLY = 0.9  # of what is hoped for: a single cause that gains so much is followed first, and is all if it stays alone
+UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -175,12 +177,13 @@ def believed(
 ) -> dict[Cause, float]:
     """The probabilities of the effects among ``causes``, lower where experience says that the evidence is too sure:
 
-        p E / (E + E_unknown)        beside something without a name, as far as it outweighs that
-        p min(1, Δ' W Σ Δ / E)       where what it changes is undone by the others
+        p E / (E + E_unknown)                        beside something without a name, as far as it outweighs that
+        p min(1, 2 |Δ + Δ_o|² / max(|Δ|², |Δ_o|²))   where some of the others undo more than half of what it changes
 
-    E: Δ' W Δ of what a cause changes, Σ Δ what all named ones change together. On cases whose cause was known, an
-    effect that was called beside a stronger unknown was right one time in eight, and effects that undid each other
-    never (docs/diagnosis.md).
+    Δ: what a cause changes, Δ_o: what others of the named ones do together (of all choices of them the worst), in the
+    metric of W; E = |Δ|². A weak effect may lean against a strong one: it undoes little of that. On cases whose cause
+    was known, an effect that was called beside a stronger unknown was right one time in eight, and effects that undid
+    each other never (docs/diagnosis.md).
     """
     if not causes:
         return probability
@@ -188,17 +191,19 @@ def believed(
 
     G = evidence.e.G
 
-    def shared(a: np.ndarray, b: np.ndarray) -> float:
-        return float(theta[a] @ G[np.ix_(a, b)] @ theta[b])
+    def energy(chosen: Iterable[Cause]) -> float:
+        index = np.concatenate([members[c] for c in chosen])
+        return max(float(theta[index] @ G[np.ix_(index, index)] @ theta[index]), 1e-30)
 
     members = {c: evidence.members[c] for c in causes}
     named = [c for c in causes if not generic[c]]
-    unknown = sum(shared(members[c], members[c]) for c in causes if generic[c])
+    unknown = sum(energy([c]) for c in causes if generic[c])
     out = dict(probability)
     for c in named:
-        own = max(shared(members[c], members[c]), 1e-30)
-        together = sum(shared(members[c], members[d]) for d in named)
-        out[c] *= min(1.0, max(together, 0.0) / own) * own / (own + unknown)
+        own, rest = energy([c]), [d for d in named if d != c]
+        others = [chosen for k in range(1, len(named)) for chosen in combinations(rest, k)]
+        undone = [energy([c, *chosen]) / max(own, energy(chosen)) for chosen in others]
+        out[c] *= min([1.0, *(x / UNDONE for x in undone)]) * own / (own + unknown)
     return out
 
 
@@ -229,10 +234,11 @@ def uncertainty(found: Fit) -> np.ndarray:
     Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
     """
     best, n = found.best, len(found.parts)
+    wide = sorted({i for c in best.causes for i in found.evidence.members[c]})
     formal = np.maximum(found.evidence.sigma(best), found.doubted)
+    formal[wide] = np.hypot(formal[wide], found.evidence.spike[wide])
     if n < 3:
         return formal
-    wide = {i for c in best.causes for i in found.evidence.members[c]}
     kept = np.array([i for i, t in enumerate(found.terms) if t.family is None or i in wide])
     terms = [found.terms[i] for i in kept]
     own = [p.of(kept) for p in found.parts]
