@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from analysis.gap.radiance import Changes, Rendered, fingerprint
+from analysis.gap.radiance import Changes, Rendered, drawn, fingerprint
 from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
 from interchange.effects import Effect
@@ -153,7 +153,7 @@ class Knots:
         spots = round(spots * float(np.clip(most / (width * height), 1, 2)))
         before, after = lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
         both = (before.bodies, before.lights, after.bodies, after.lights)
-        name = fingerprint((*both, camera, spots, SHADOWS, *([offset] if offset else [])))
+        name = fingerprint((*both, drawn(camera), spots, SHADOWS, *([offset] if offset else [])))
         file = self.cache / f"{name[:32]}.knot.npz"
         if file.is_file():
             return _read(file)

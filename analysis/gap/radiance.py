@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.reflected import finely
-from interchange.camera import Camera
+from interchange.camera import Camera, Lens, Sensor
 from interchange.effects import Effect
 from interchange.image import Image
 from interchange.light import Light, LightKind
@@ -101,7 +101,16 @@ class Rendered:
 def arrangement(scene: Scene, camera: Camera) -> str:
     """A name for all that decides a rendering but the lamps' intensities: SHA-256 of what is there."""
     lights = tuple(replace(x, intensity=(1.0, 1.0, 1.0)) for x in scene.lights)
-    return fingerprint((scene.bodies, lights, replace(camera, t_exp=1.0)))
+    return fingerprint((scene.bodies, lights, drawn(camera)))
+
+
+def drawn(camera: Camera) -> Camera:
+    """With what decides a rendering alone: exposures, gains and all else of the lens and the sensor come after it."""
+    lens, sensor = camera.lens, camera.sensor
+    optics = Lens(
+        lens.focal_length, lens.f_stop, lens.focus_distance, lens.distortion, lens.projection, lens.model
+    )
+    return replace(camera, t_exp=1.0, lens=optics, sensor=Sensor(sensor.resolution, sensor.pixel_pitch))
 
 
 def fingerprint(thing: Any) -> str:
@@ -172,7 +181,7 @@ def _at_full_power(scene: Scene, scenes: Sequence[Scene]) -> Scene:
 def _rendered(
     scene: Scene, camera: Camera, render: Render, settings: dict[str, Any], cache: Path
 ) -> Rendered:
-    key = fingerprint((scene.bodies, scene.lights, replace(camera, t_exp=1.0), settings, FINE, MOST))
+    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, FINE, MOST))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
     arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, bool(settings.get("indirect"))))

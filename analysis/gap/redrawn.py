@@ -21,6 +21,7 @@ from analysis.gap.radiance import (
     Paths,
     Render,
     Rendered,
+    drawn,
     fingerprint,
     kept_on_disk,
     pixels,
@@ -43,7 +44,7 @@ def redrawn(
     if not base.fine or not settings.get("indirect"):
         return replace(render_all([(after, base.camera)], render, settings, cache)[0], standing=standing)
     before, after = lit_by(standing, replace(base.scene, cameras=()), replace(after, cameras=()))
-    camera = replace(base.camera, t_exp=1.0)
+    camera = drawn(base.camera)
     part = part_of(before, after, standing, camera)
     both = (before.bodies, before.lights, after.bodies, after.lights)
     key = fingerprint((*both, camera, settings, FINE, COARSER, part is None))
@@ -56,7 +57,7 @@ def redrawn(
 
 def _near(scene: Scene, base: Rendered, part: tuple[slice, slice] | None, render: Render) -> Planes:
     """The lamps' light on the finer grid, the reflected share, and the passes."""
-    camera = replace(base.camera, t_exp=1.0)
+    camera = drawn(base.camera)
     eye = cropped(camera, *part) if part else camera
     n = _finer(base)
     finely = eye.resized(n * eye.sensor.resolution[0])
@@ -71,7 +72,7 @@ def _near(scene: Scene, base: Rendered, part: tuple[slice, slice] | None, render
 
 def _far(before: Scene, after: Scene, base: Rendered, render: Render) -> Planes:
     """How much more reflected light there is of each lamp, (H / COARSER, W / COARSER, 3)."""
-    camera = replace(base.camera, t_exp=1.0)
+    camera = drawn(base.camera)
     eye = camera.resized(max(camera.sensor.resolution[0] // COARSER, 1))
     there, here = (render(s, eye, ("indirect",), True, 1, Paths.REFLECTED).passes for s in (after, before))
     return {

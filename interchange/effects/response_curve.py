@@ -1,8 +1,9 @@
 """The curve from the linear DN to that of the image that leaves the camera, and its bits.
 
-    DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(x^γ)),   x = (DN - black) / (2^b - 1 - black)
+    DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(y + c y (1 - y))),
+    y = x^γ,   x = (DN - black) / (2^b - 1 - black)
 
-Below black, where noise reaches, the curve goes on point-symmetrically.
+A pixel's own non-linearity is c: its gain falls as it fills. Below black, where noise reaches, the curve goes on point-symmetrically.
 """
 
 from dataclasses import dataclass, replace
@@ -19,23 +20,28 @@ from interchange.sensor import Response, freeze_numbers, freeze_word
 
 @dataclass(frozen=True)
 class ResponseCurve(Effect):
-    """x^γ, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
+    """x^γ, bowed by c, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
 
     stage = Stage.READOUT
     order = 60
-    source = "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004."
+    source = (
+        "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004; "
+        "EMVA 1288, release 4.0 linear, section 2: linearity."
+    )
     identified_by = "DN differ by a function of DN alone, whatever the material and the place."
     confused_with = ("exposure", "saturation", "black_level")
     separated_by = "the same scene at a quarter and at four times the exposure"
     pointwise = True
     carried_by = carried(
         gamma="sensor.gamma",
+        bow="sensor.bow",
         response="sensor.response",
         lut="sensor.response_lut",
         bits_out="sensor.output_bit_depth",
     )
 
     gamma: float = parameter(1.0, "γ", "1", 0.1, 10, "exponent of the output over the linear signal")
+    bow: float = parameter(0.0, "c", "1", -1, 1, "four times what half the range is off a straight line by")
     response: Response = Response.LINEAR
     lut: tuple[float, ...] = ()
     bits_out: int = 0  # 0 is as many as the converter has
@@ -47,7 +53,7 @@ class ResponseCurve(Effect):
 
     @property
     def is_there(self) -> bool:
-        return self.gamma != 1.0 or self.response is not Response.LINEAR or self.bits_out > 0
+        return self.gamma != 1.0 or self.bow != 0 or self.response is not Response.LINEAR or self.bits_out > 0
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth
@@ -71,6 +77,7 @@ class ResponseCurve(Effect):
     def curve(self, x: np.ndarray) -> np.ndarray:
         """Output over its highest value, of linear signals x over theirs, both in [0, 1]."""
         x = np.asarray(x, np.float64) ** self.gamma
+        x = x + self.bow * x * (1 - x)
         if self.response is Response.SRGB:
             return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
         if self.response is Response.LUT:

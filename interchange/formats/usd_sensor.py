@@ -61,6 +61,7 @@ ATTRIBUTES = (
     Attribute("sensor:response", NAMES.Token, "sensor", "response"),
     Attribute("sensor:responseLut", NAMES.DoubleArray, "sensor", "response_lut"),
     Attribute("sensor:gamma", NAMES.Double, "sensor", "gamma"),
+    Attribute("sensor:bow", NAMES.Double, "sensor", "bow"),
     Attribute("sensor:outputBitDepth", NAMES.Int, "sensor", "output_bit_depth"),
     Attribute("sensor:jpegQuality", NAMES.Int, "sensor", "jpeg_quality"),
     Attribute("sensor:jpegSubsampling", NAMES.Bool, "sensor", "jpeg_subsampling"),

@@ -95,6 +95,15 @@ def test_a_table_is_linear_between_its_entries_and_gamma_comes_before():
     assert dn == pytest.approx(0.55 * 4095, abs=1)
 
 
+def test_a_bow_is_a_quarter_at_half_the_range_and_nothing_at_its_ends():
+    bowed = ResponseCurve(bow=0.08).curve(np.array([0, 0.25, 0.5, 1]))
+    assert bowed == pytest.approx([0, 0.25 + 0.08 * 3 / 16, 0.52, 1])
+    assert ResponseCurve(gamma=2.0, bow=0.08).curve(np.array(0.5)) == pytest.approx(0.25 + 0.08 * 3 / 16)
+    c = station(bit_depth=12, black_level=160, bow=-0.08)
+    dn = expose(even(np.full(3, 0.5)), c).pixels
+    assert dn == pytest.approx(160 + (4095 - 160) * 0.48, abs=0.5)
+
+
 def test_a_curve_leaves_black_where_it_is():
     c = station(bit_depth=12, black_level=160, response="sRGB", output_bit_depth=8)
     dark = expose(even(0 * COLOR), c).pixels

@@ -62,6 +62,7 @@ SENSOR = Sensor(
     response="lut",
     response_lut=(0.0, 0.37, 0.81, 1.0),
     gamma=1.03,
+    bow=-0.013,
     output_bit_depth=8,
     jpeg_quality=87,
     jpeg_subsampling=False,
