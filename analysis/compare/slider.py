@@ -77,7 +77,7 @@ def data_uri(picture: np.ndarray) -> str:
     if factor > 1:
         picture = np.repeat(np.repeat(picture, factor, axis=0), factor, axis=1)
     bgr = np.ascontiguousarray(picture[..., ::-1])
-    kind, data = "png", cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
+    kind, data = "png", cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 6])[1]
     if len(data) > LARGE:
         kind, data = "jpeg", cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
     return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode()}"

@@ -30,6 +30,14 @@ EDGES = (
     "motion_blur",
     "rolling_shutter",
 )  # of them, what changes edges
+MINOR = {
+    "red_u": 0.2,
+    "red_v": 0.2,
+    "blue_u": 0.2,
+    "blue_v": 0.2,
+    "red3": 0.5,
+    "blue3": 0.5,
+}  # parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share
 REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
@@ -77,6 +85,7 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                     kind="chain",
                     start=start,
                     t_exp=t_exp,
+                    part=MINOR.get(parameter, 1.0),
                 )
             )
         if {t.parameter for t in found} >= {"u", "v"} and name == "motion_blur":

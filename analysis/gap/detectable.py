@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from analysis.gap.evidence import SLABS, Cause, Evidence
+from analysis.gap.evidence import Cause, Evidence
 
 SURE = 0.9
 MOST = 0.5  # rms over the signal: what would not show there is told as never
@@ -59,7 +59,7 @@ def _severities(evidence: Evidence, cause: Cause, index: np.ndarray) -> tuple[fl
     there = seen > FLAT * seen.max()
     to_unit = ways[:, there] / np.sqrt(seen[there])
     easiest = by_lot = np.inf
-    for slab in SLABS:
+    for slab in evidence.slabs[cause]:
         Q, cost = evidence.alone(cause, slab)
         gains = np.linalg.eigvalsh(to_unit.T @ Q @ to_unit)
         needed = max(cost + float(np.log(SURE / (1 - SURE))), 0.0)

@@ -22,6 +22,7 @@ from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import FORM, NUISANCE, Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
+SLIGHT = 0.004  # the same, of effects that have a formula: what has a number for each place would be noise with that
 TAU = 1.0
 NONE, SINGLE, PAIR, TRIPLE = 0.5, 0.35, 0.12, 0.03  # prior of a number of causes
 TOP = 12  # causes that are tried in pairs with all others
@@ -64,13 +65,17 @@ class Evidence:
         self.seen = equations.share > 0
         self.low = np.array([t.low for t in terms])
         self.relative = np.array([t.relative for t in terms])
+        self.part = np.array([t.part for t in terms])
         self.members: dict[Cause, np.ndarray] = {}
         self.ways: dict[Cause, int] = {}
+        self.slabs: dict[Cause, tuple[float, ...]] = {}  # widths that each cause may have
         for i, term in enumerate(terms):
             if self.seen[i] and term.cause not in (FORM, NUISANCE):
                 self.members.setdefault(term.candidate, np.array([], int))
                 self.members[term.candidate] = np.append(self.members[term.candidate], i)
                 self.ways[term.candidate] = term.ways
+                free = term.generic or term.family is not None
+                self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS)
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
         for index in self.members.values():
@@ -115,7 +120,7 @@ class Evidence:
         if not causes:
             return np.array([], int), np.array([])
         index = [self.members[c] for c in causes]
-        sd = [slab / self.together[i] for slab, i in zip(slabs, index, strict=True)]
+        sd = [slab * self.part[i] / self.together[i] for slab, i in zip(slabs, index, strict=True)]
         wide = np.concatenate(index)
         ratio = np.clip(np.concatenate(sd) / self.spike[wide], 2.0, None)
         return wide, np.where(self.relative[wide], ratio, np.minimum(ratio, WIDEST))
@@ -133,7 +138,7 @@ class Evidence:
         z, log_Z = self._all_spikes(causes)
         log_Z -= 0.5 * float(z[wide] @ solved)
         log_Z += -0.5 * log_det - float(np.log(ratio).sum())
-        log_Z -= sum(float(np.log(len(SLABS) * self.ways[c])) for c in causes)
+        log_Z -= sum(self._choice(c) for c in causes)
         if np.isfinite(self.low[wide]).any():
             inside = self.C[np.ix_(wide, wide)]
             theta = (z[wide] - inside @ solved) * self.spike[wide]
@@ -144,6 +149,10 @@ class Evidence:
         out = Hypothesis(causes, tuple(slabs), log_Z, self._prior(causes))
         self.known[key] = out
         return out
+
+    def _choice(self, cause: Cause) -> float:
+        """What it costs that a cause's width, and the cause itself, were chosen among several."""
+        return float(np.log(len(self.slabs[cause]) * self.ways[cause]))
 
     def _solved(
         self, causes: Sequence[Cause], slabs: Sequence[float]
@@ -173,7 +182,7 @@ class Evidence:
         A = self.C[wide] @ (self.e.G[:, wide] * self.spike[:, None])
         Q = -0.5 * A.T @ np.linalg.solve(inner, delta[:, None] * A)
         cost = 0.5 * float(np.linalg.slogdet(inner)[1]) + float(np.log(ratio).sum())
-        cost += float(np.log(len(SLABS) * self.ways[cause]))
+        cost += self._choice(cause)
         return (Q + Q.T) / (2 * TAU), cost / TAU + self._prior(()) - self._prior((cause,))
 
     def theta(self, h: Hypothesis) -> np.ndarray:
@@ -198,10 +207,11 @@ class Evidence:
             if cause in wide:
                 continue
             options = [
-                self.at(causes, [*slabs[:i], s, *[x or SLABS[1] for x in slabs[i + 1 :]]]) for s in SLABS
+                self.at(causes, [*slabs[:i], s, *[x or SLABS[1] for x in slabs[i + 1 :]]])
+                for s in self.slabs[cause]
             ]
             k = int(np.argmax([h.log_Z for h in options]))
-            slabs[i] = SLABS[k]
+            slabs[i] = self.slabs[cause][k]
         return self.at(causes, slabs)
 
     def _prior(self, causes: tuple[Cause, ...]) -> float:

@@ -25,6 +25,7 @@ ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
 FLAT = (
     0.02  # thickness over length of what is printed on something: it lies there, and has no size of its own
 )
+DECENTRED = 0.3  # of a lens's distortion: its elements stand nearly on one axis
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
@@ -156,9 +157,12 @@ def _lens(condition: Condition, px: float) -> list[Term]:
 
         return moved
 
-    order = (3, 5, 2, 2)
+    order, part = (3, 5, 2, 2), (1.0, 1.0, DECENTRED, DECENTRED)
     return [
-        moving("lens_distortion", "", name, "1", px / (K[0, 0] * corner ** order[i]), flow(i))
+        replace(
+            moving("lens_distortion", "", name, "1", px / (K[0, 0] * corner ** order[i]), flow(i)),
+            part=part[i],
+        )
         for i, name in enumerate(("k1", "k2", "p1", "p2"))
     ]
 
@@ -168,7 +172,8 @@ def _undone(name: str, corner: float, px: float) -> list[Term]:
     as it leaves them; no cause. ρ is 1 in the corner.
 
     k1 and k2, between the middle and the corner: radially by ρ³ - ρ⁵, at most 1. A turn of the camera and the principal
-    point: (x², x y) and (x y, y²).
+    point: (x², x y) and (x y, y²). A place along the axis and the focal length: (x, y) at every depth. Both focal
+    lengths: (x, -y), and the angle between rows and columns: (y, x).
     """
 
     def radial(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -180,6 +185,9 @@ def _undone(name: str, corner: float, px: float) -> list[Term]:
         "zone of the lens": radial,
         "turn against the principal point, x": lambda x, y: (x * x, x * y),
         "turn against the principal point, y": lambda x, y: (x * y, y * y),
+        "focal length": lambda x, y: (x, y),
+        "aspect": lambda x, y: (x, -y),
+        "skew": lambda x, y: (y, x),
     }
     terms = []
     for word, way in ways.items():

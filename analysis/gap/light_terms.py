@@ -12,12 +12,16 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.left import LAMP, REFLECTED, SMOOTH
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
 from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
 FAR = (LightKind.DISTANT, LightKind.DOME)
+GRAY = (
+    0.8,
+    0.6,
+)  # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 COLOR = 0.2  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
@@ -75,10 +79,13 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
             )
         )
     for name in dict.fromkeys(m for c in conditions for m in c.shown.scene.material_names):
+        own = GRAY[1] if channels == 3 else 1.0
         terms += [
-            Term("albedo", name, _channel(k, channels), "1", t.albedo, _albedo(name, k), start=1.0)
+            Term("albedo", name, _channel(k, channels), "1", own * t.albedo, _albedo(name, k), start=1.0)
             for k in range(channels)
         ]
+        if channels == 3:
+            terms.append(Term(NUISANCE, name, "albedo", "1", GRAY[0] * t.albedo, _gray(name)))
     return terms
 
 
@@ -194,6 +201,14 @@ def _albedo(name: str, k: int) -> Field:
         out = np.zeros_like(s.signal)
         out[..., k] = s.signal[..., k] * mask
         return out
+
+    return field
+
+
+def _gray(name: str) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        parts = [x for k in range(s.signal.shape[2]) if (x := _albedo(name, k)(s)) is not None]
+        return sum(parts[1:], parts[0]) if parts else None
 
     return field
 

@@ -21,8 +21,11 @@ from interchange.captures import Tolerances
 
 FACTORS = (1.0, 1.5, 2.0, 3.0, 4.5)  # none below 1: other effects' forms need what is declared
 DECLARED, STEPS = 0, range(len(FACTORS))
-SPREAD = 0.3  # of ln κ: tolerances are known to a third
-LEAST = 6  # numbers that share a tolerance and tell how large it is
+SPREAD = 0.25  # of ln κ: tolerances are known to a quarter
+LEAST, THINGS = (
+    6,
+    3,
+)  # numbers, and cameras, lamps or materials, that share a tolerance and tell how large it is
 LEAD = 8  # hypotheses that are looked at, besides the parts of the best one
 NEAR = 12.0  # how far below the best one's score they are averaged
 EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibration may be judged at all
@@ -81,8 +84,12 @@ class Ladder:
         forms = np.zeros(len(evidence.terms))
         self.shares = {name: np.append(part, forms)[kept] for name, part in shares.items()}
         seen = self.e.share > 0
-        self.judged = [name for name, part in self.shares.items() if (part * seen > 0.5).sum() >= LEAST]
+        self.judged = [name for name, part in self.shares.items() if self._many(part * seen > 0.5)]
         self._scores: dict[tuple[int, ...], np.ndarray] = {}
+
+    def _many(self, own: np.ndarray) -> bool:
+        """Whether the terms ``own`` (q,) bool tell what their tolerance is: one thing that is off is an effect."""
+        return int(own.sum()) >= LEAST and len({self.terms[i].target for i in np.flatnonzero(own)}) >= THINGS
 
     def scores(self, place: Place) -> np.ndarray:
         """(n,): of the hypotheses, with the prior of the factors at ``place``."""

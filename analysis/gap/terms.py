@@ -36,9 +36,10 @@ class Term:
 
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
     it gives to the images that show it, over their signal. ``power``: the parameter is the term to the power
-    1 / ``power``. ``low``: the least value the term may have. ``kind``: "chain" (an effect in ``interchange.effects``),
-    "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as linear), "linear", or
-    "cell" (number ``cell`` of ``family``, which has no ``field``).
+    1 / ``power``. ``part``: rms over the signal that it has of its cause, over that of the cause's first number, where
+    the cause is there. ``low``: the least value the term may have. ``kind``: "chain" (an effect in
+    ``interchange.effects``), "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as
+    linear), "linear", or "cell" (number ``cell`` of ``family``, which has no ``field``).
     """
 
     cause: str
@@ -60,6 +61,7 @@ class Term:
     step: float = 0.0
     family: Family | None = None
     cell: int = 0
+    part: float = 1.0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
 
     @property

@@ -3,7 +3,8 @@
     DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(y + c y (1 - y))),
     y = x^γ,   x = (DN - black) / (2^b - 1 - black)
 
-A pixel's own non-linearity is c: its gain falls as it fills. Below black, where noise reaches, the curve goes on point-symmetrically.
+A pixel's own non-linearity is c: its gain falls as it fills. Below black, where noise reaches, the curve goes on
+point-symmetrically.
 """
 
 from dataclasses import dataclass, replace

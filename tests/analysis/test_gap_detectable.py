@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.detectable import SURE, detectable
-from analysis.gap.evidence import SLABS, Evidence
+from analysis.gap.evidence import SLABS, SLIGHT, Evidence
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 
@@ -30,7 +30,7 @@ def seen(e: Evidence, b: np.ndarray) -> Evidence:
 
 def probability(e: Evidence, cause: str) -> float:
     none = e.at((), ()).score
-    one = max(e.at(((cause, ""),), (s,)).score for s in SLABS)
+    one = max(e.at(((cause, ""),), (s,)).score for s in e.slabs[cause, ""])
     return 1 / (1 + np.exp(none - one))
 
 
@@ -72,7 +72,7 @@ def test_shares_and_ways_are_counted_as_the_evidence_counts_them() -> None:
     """The quadratic form is what the evidence itself says of captures with that error."""
     e = evidence()
     theta = 0.03
-    for slab in SLABS:
+    for slab in (SLIGHT, *SLABS):
         Q, cost = e.alone(("texture", ""), slab)
         there = seen(e, e.e.G[:, 1] * theta)
         want = there.at((("texture", ""),), (slab,)).score - there.at((), ()).score

@@ -27,7 +27,9 @@ def _equations(X: np.ndarray, y: np.ndarray) -> NormalEquations:
 def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
     """Differences of log Z equal those of N(y; 0, 1 + X P⁻¹ X'), computed densely: the Woodbury form is exact."""
     X, y = rng.standard_normal((40, 5)), rng.standard_normal(40)
-    evidence = Evidence(_equations(X, y), _terms(["a", "a", "b", "c", "d"], 0.01))
+    terms = _terms(["a", "a", "b", "c", "d"], 0.01)
+    terms[1] = replace(terms[1], part=0.4)
+    evidence = Evidence(_equations(X, y), terms)
 
     def dense(wide: dict[int, float]) -> float:
         sd = np.full(5, 0.01)
@@ -37,9 +39,10 @@ def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
 
     none, slab = evidence.at((), ()), SLABS[1]
     share = evidence.e.share
-    wide = {i: max(slab / share[i] / np.sqrt(2 if i < 2 else 1), 0.02) for i in range(3)}
+    part = [0.4 if i == 1 else 1.0 for i in range(3)]
+    wide = {i: max(part[i] * slab / share[i] / np.sqrt(2 if i < 2 else 1), 0.02) for i in range(3)}
     both = evidence.at((("a", ""), ("b", "")), (slab, slab))
-    expected = dense(wide) - dense({}) - 2 * np.log(len(SLABS))
+    expected = dense(wide) - dense({}) - 2 * np.log(len(SLABS) + 1)  # and the slight one
     assert both.log_Z - none.log_Z == pytest.approx(expected, abs=1e-8)
     A = X.T @ X + np.diag([1 / wide.get(i, 0.01) ** 2 for i in range(5)])
     assert evidence.theta(both) == pytest.approx(np.linalg.solve(A, X.T @ y), abs=1e-10)
