@@ -192,40 +192,29 @@ def resample(
     Here the bilinear value is corrected by the output's own differences: the first for what was rounded off, the
     second for what linear interpolation between pixels misses, t (1 - t) / 2 of it.
     """
-    column, row = column.astype(np.float32, copy=False), row.astype(np.float32, copy=False)
+    from interchange import kernels  # Numba comes with it
+
+    column, row = (np.ascontiguousarray(place, np.float32) for place in (column, row))
     height, width = column.shape
-    out = np.empty((height, width, pixels.shape[2]), np.float32)
-    planes = [np.ascontiguousarray(pixels[..., c], np.float32) for c in range(pixels.shape[2])]
+    channels = pixels.shape[2]
+    out = np.empty((height, width, channels), np.float32)
+    source = np.ascontiguousarray(pixels, np.float32)
 
     def work(start: int, stop: int) -> None:
         low, high = max(start - 1, 0), min(stop + 1, height)
-        inner = slice(start - low, stop - low)
         x, y = column[low:high], row[low:high]
-        weights = [_corrections(place[inner], by) for place, by in ((x, step[0]), (y, step[1]))]
-        for c, plane in enumerate(planes):
-            inside = cv2.remap(plane, x, y, cv2.INTER_LINEAR, borderMode=BORDER)
-            q = np.asarray(cv2.copyMakeBorder(inside, int(start == 0), int(stop == height), 1, 1, BORDER))
-            middle = q[1:-1, 1:-1]
-            total: np.ndarray = middle.copy()
-            for (slope, curve), before, after in zip(
-                weights, (q[1:-1, :-2], q[:-2, 1:-1]), (q[1:-1, 2:], q[2:, 1:-1]), strict=True
-            ):
-                total += slope * (after - before)
-                total -= curve * (after + before - 2 * middle)
-            out[start:stop, :, c] = total
+        inside = cv2.remap(source, x, y, cv2.INTER_LINEAR, borderMode=BORDER).reshape(*x.shape, channels)
+        around = cv2.copyMakeBorder(inside, int(start == 0), int(stop == height), 1, 1, BORDER)
+        kernels.corrected(
+            around.reshape(stop - start + 2, width + 2, channels),
+            column[start:stop],
+            row[start:stop],
+            np.array(step, np.float32),
+            out[start:stop],
+        )
 
     each_band(work, height, width)
     return out
-
-
-def _corrections(place: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """What of the central difference (over two pixels) is to be added, and of the second one to be taken off."""
-    grid = np.rint(place * np.float32(32))
-    grid *= np.float32(1 / 32)
-    t = grid - np.floor(grid)
-    curve = t * (1 - t)
-    curve *= np.float32(0.5 / step**2)
-    return (place - grid) * np.float32(0.5 / step), curve
 
 
 @lru_cache(maxsize=128)

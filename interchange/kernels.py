@@ -166,3 +166,33 @@ def noisy(
                         photons = np.float32(drawn) - m
                     out[start + k] = m + photons + np.float32(sigma) * z[k]
     return out
+
+
+@compiled
+def corrected(
+    pixels: np.ndarray, column: np.ndarray, row: np.ndarray, step: np.ndarray, out: np.ndarray
+) -> None:
+    """Bilinear ``pixels`` (r + 2, w + 2, C), a border of one around, into ``out`` (r, w, C): corrected by their own
+    differences as `interchange.filtering.resample` says. ``column``, ``row`` (r, w): places that were rounded to 1/32;
+    ``step`` (2,) float32."""
+    one, half, fine = np.float32(1), np.float32(0.5), np.float32(32)
+    first_x, first_y = half / step[0], half / step[1]
+    second_x, second_y = first_x / step[0], first_y / step[1]
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = column[i, j], row[i, j]
+            near_x, near_y = np.rint(x * fine) / fine, np.rint(y * fine) / fine
+            t, u = near_x - np.floor(near_x), near_y - np.floor(near_y)
+            slope_x, curve_x = (x - near_x) * first_x, t * (one - t) * second_x
+            slope_y, curve_y = (y - near_y) * first_y, u * (one - u) * second_y
+            for c in range(out.shape[2]):
+                left, right, middle = pixels[i + 1, j, c], pixels[i + 1, j + 2, c], pixels[i + 1, j + 1, c]
+                above, below = pixels[i, j + 1, c], pixels[i + 2, j + 1, c]
+                twice = middle + middle
+                out[i, j, c] = (
+                    middle
+                    + slope_x * (right - left)
+                    - curve_x * (right + left - twice)
+                    + slope_y * (below - above)
+                    - curve_y * (below + above - twice)
+                )

@@ -85,7 +85,7 @@ def fit(
     search = Search(conditions, terms, knots, told, parts)
     told("registration", 0.0)
     first = search.scaled(search.stand(search.registered(), {}, "evidence", {}))
-    if search.factors.get("registration_px", 1.0) > 1:
+    if search.widths.factors.get("registration_px", 1.0) > 1:
         first = search.scaled(search.stand(search.registered(), {}, "evidence", first.kept))
     first = search.averaged(first)
     stands = _followed(search, first, redraw is not None) if first.best.causes else []
@@ -97,7 +97,7 @@ def fit(
         search = search.elsewhere(redraw(conditions, far))
         there = search.stand(chosen.at, {}, "evidence", {})
         chosen = search.gone_on(there, "fit anew")
-    return replace(_fit(search.terms, chosen, knots), redrawn=far, factors=search.factors)
+    return replace(_fit(search.terms, chosen, knots), redrawn=far, factors=search.widths.factors)
 
 
 def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:

@@ -25,7 +25,9 @@ SPREAD = 0.25  # of ln κ: tolerances are known to a quarter
 LEAST, THINGS = (
     6,
     3,
-)  # numbers, and cameras, lamps or materials, that share a tolerance and tell how large it is
+)  # numbers that share a tolerance, and how many cameras, lamps or materials they are of, to tell it
+MANY = 20  # numbers that tell it of whatever they are: a field's waves
+RESCALED = 2  # times that tolerances are looked at with other hypotheses
 LEAD = 8  # hypotheses that are looked at, besides the parts of the best one
 NEAR = 12.0  # how far below the best one's score they are averaged
 EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibration may be judged at all
@@ -89,7 +91,8 @@ class Ladder:
 
     def _many(self, own: np.ndarray) -> bool:
         """Whether the terms ``own`` (q,) bool tell what their tolerance is: one thing that is off is an effect."""
-        return int(own.sum()) >= LEAST and len({self.terms[i].target for i in np.flatnonzero(own)}) >= THINGS
+        things = len({self.terms[i].target for i in np.flatnonzero(own)})
+        return int(own.sum()) >= (LEAST if things >= THINGS else MANY)
 
     def scores(self, place: Place) -> np.ndarray:
         """(n,): of the hypotheses, with the prior of the factors at ``place``."""
@@ -156,3 +159,50 @@ def averaged(
     least = min(gain.values())
     told = [replace(h, log_Z=h.log_Z + gain.get(h, least) - gain[best]) for h in hypotheses]
     return tuple(sorted(told, key=lambda h: -h.score))
+
+
+class Widths:
+    """How wide the spikes of a search's terms are: ``declared`` (q,), as they are at the first stand, as tolerances do
+    not grow with a blur; ``spikes`` (q,), the same as large as the captures say, ``factors`` {tolerance: κ} times.
+    Without ``shares`` all are as declared."""
+
+    def __init__(self, shares: Shares | None) -> None:
+        self.shares = shares
+        self.declared: np.ndarray | None = None
+        self.spikes: np.ndarray | None = None
+        self.factors: dict[str, float] = {}
+
+    def first(self, spikes: np.ndarray) -> None:
+        """What the first stand has, if this is it."""
+        if self.spikes is None:
+            self.declared = self.spikes = spikes
+
+    def of(self, index: Sequence[int] | np.ndarray) -> np.ndarray | None:
+        """Spikes of some of the terms."""
+        return None if self.spikes is None else self.spikes[index]
+
+    def judged(
+        self, evidence: Evidence, hypotheses: tuple[Hypothesis, ...]
+    ) -> tuple[Evidence, tuple[Hypothesis, ...]]:
+        """A stand's evidence with tolerances as large as the captures say that they are, and its hypotheses."""
+        if self.declared is None or self.shares is None:
+            return evidence, hypotheses
+        q = len(self.declared)
+        for _ in range(RESCALED):
+            declared = np.append(self.declared, evidence.spike[q:])
+            found = factors(evidence, declared, self.shares, hypotheses)
+            if found == self.factors:
+                break
+            self.factors = found
+            self.spikes = self.declared * widths(self.shares, found, q)
+            spikes = np.append(self.spikes, evidence.spike[q:])
+            evidence = Evidence(evidence.e, evidence.terms, evidence.in_force, spikes)
+            hypotheses = tuple(evidence.search())
+        return evidence, hypotheses
+
+    def averaged(self, evidence: Evidence, hypotheses: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
+        """A stand's hypotheses by all that tolerances may be besides what they look."""
+        if self.declared is None or self.shares is None:
+            return hypotheses
+        declared = np.append(self.declared, evidence.spike[len(self.declared) :])
+        return averaged(evidence, declared, self.shares, hypotheses, self.factors)

@@ -17,7 +17,7 @@ from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.radiance import Changes
-from analysis.gap.scales import Shares, averaged, factors, widths
+from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Term, added
@@ -26,7 +26,6 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
-RESCALED = 2  # times that tolerances are looked at with other hypotheses
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
@@ -80,57 +79,28 @@ class Search:
         shares: Shares | None = None,
     ) -> None:
         """``shares``: which tolerance each term's spike comes from; without them all are as declared."""
-        self.conditions, self.terms, self.knots, self.told, self.shares = (
-            conditions,
-            terms,
-            knots,
-            told,
-            shares,
-        )
+        self.conditions, self.terms, self.knots, self.told = conditions, terms, knots, told
         self.stride = stride_for(conditions)
         self.q = len(terms)
-        # of the terms, at the first stand: tolerances do not grow with a blur
-        self.declared: np.ndarray | None = None
-        self.spikes: np.ndarray | None = None  # the same, as large as the captures say
-        self.factors: dict[str, float] = {}
+        self.widths = Widths(shares)
         self.registering = {
             i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
         }
 
     def elsewhere(self, conditions: Sequence[Condition]) -> "Search":
         """The same search, tolerances included, of the same captures with other renderings."""
-        there = Search(conditions, self.terms, self.knots, self.told, self.shares)
-        there.declared, there.spikes, there.factors = self.declared, self.spikes, self.factors
+        there = Search(conditions, self.terms, self.knots, self.told)
+        there.widths = self.widths
         return there
 
     def scaled(self, stand: Stand) -> Stand:
         """The same with tolerances as large as the captures say that they are."""
-        if self.declared is None or self.shares is None:
-            return stand
-        evidence, hypotheses = stand.evidence, stand.hypotheses
-        for _ in range(RESCALED):
-            declared = np.append(self.declared, evidence.spike[self.q :])
-            found = factors(evidence, declared, self.shares, hypotheses)
-            if found == self.factors:
-                break
-            self.factors = found
-            self.spikes = self.declared * widths(self.shares, found, self.q)
-            evidence = Evidence(
-                evidence.e,
-                stand.terms,
-                evidence.in_force,
-                np.append(self.spikes, evidence.spike[self.q :]),
-            )
-            hypotheses = tuple(evidence.search())
+        evidence, hypotheses = self.widths.judged(stand.evidence, stand.hypotheses)
         return replace(stand, evidence=evidence, hypotheses=hypotheses)
 
     def averaged(self, stand: Stand) -> Stand:
         """The same with hypotheses by all that tolerances may be besides what they look."""
-        if self.declared is None or self.shares is None:
-            return stand
-        declared = np.append(self.declared, stand.evidence.spike[self.q :])
-        told = averaged(stand.evidence, declared, self.shares, stand.hypotheses, self.factors)
-        return replace(stand, hypotheses=told)
+        return replace(stand, hypotheses=self.widths.averaged(stand.evidence, stand.hypotheses))
 
     def model(self, theta: np.ndarray, at: np.ndarray) -> Model:
         return Model(self.terms, theta, at, self.knots)
@@ -149,7 +119,7 @@ class Search:
             parts = [equations(s, terms, at[own]) for s in states if s.usable.any()]
             if not parts:
                 break
-            there = Evidence(total_of(parts), terms, spikes=None if self.spikes is None else self.spikes[own])
+            there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
             theta = there.theta(there.at((), ()))
             at = np.zeros(self.q)
             for i, x in zip(own, theta, strict=True):
@@ -259,7 +229,7 @@ class Search:
                 if state.usable.any():
                     near[c.name] = sensitivities(state, terms, near.get(c.name), redrawn)
                     parts.append(equations(state, terms, at[own], drawn=near[c.name]))
-            there = Evidence(total_of(parts), terms, spikes=None if self.spikes is None else self.spikes[own])
+            there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
             if found is None or found.score < best:  # too far: half the way from where it was better
                 step /= 2
@@ -397,7 +367,6 @@ class Search:
             self.told(what, (k + 1) / len(self.conditions))
         if not parts:
             raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
-        evidence = Evidence(total_of(parts), every, tuple(changes), self.spikes)
-        if self.spikes is None:
-            self.declared = self.spikes = evidence.spike[: self.q]
+        evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
+        self.widths.first(evidence.spike[: self.q])
         return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)

@@ -5,6 +5,7 @@
 ∂S/∂u² = S_xx / 24,  ∂S/∂(u v) = S_xy / 12     a straight path (u, v), whose covariance is u u' / 12
 """
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from interchange.effects.lateral_chromatic_aberration import LateralChromaticAbe
 from interchange.effects.motion_blur import MotionBlur
 
 PRODUCT = "u v"  # px²
+KEPT = 32  # derivatives, eight of them a camera
 SMALL = 1e-5  # of the difference that a channel's shift is told by
 PATH = 1 / 12  # variance of a path over its length's square
 
@@ -64,14 +66,28 @@ def _apart(parameter: str) -> Field:
     def field(s: State) -> np.ndarray | None:
         if s.condition.mean.shape[2] != 3:
             return None
-        now = s.optics.lateral
-        here = getattr(now, parameter)
-        ends = [replace(now, **{parameter: here + x}).shifts(s.camera) for x in (SMALL, -SMALL)]
-        by = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
+        by = _shifted_by(s, parameter)
         dx, dy = s.gradient
         return np.asarray(-(dx * by[..., 0] + dy * by[..., 1]), np.float32)
 
     return field
+
+
+def _shifted_by(s: State, parameter: str) -> np.ndarray:
+    """(h, w, 3, 2) px a unit; conditions of one camera share it."""
+    now, size = s.optics.lateral, s.camera.sensor.resolution
+    key = (now, parameter, size, s.stride, s.camera.K.tobytes())
+    if key not in _shifts:
+        ends = [
+            replace(now, **{parameter: getattr(now, parameter) + x}).shifts(s.camera) for x in (SMALL, -SMALL)
+        ]
+        _shifts[key] = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
+        while len(_shifts) > KEPT:
+            _shifts.popitem(last=False)
+    return _shifts[key]
+
+
+_shifts: OrderedDict[tuple[object, ...], np.ndarray] = OrderedDict()
 
 
 def _blurred(s: State) -> np.ndarray:

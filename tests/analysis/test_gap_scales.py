@@ -105,3 +105,19 @@ def test_few_numbers_tell_no_tolerance() -> None:
     theta = _drawn(1, 1)
     theta[-2:] = [20 * 0.003, 0.0]
     assert "flat_field" not in _found(_evidence(theta))
+
+
+def test_one_material_that_is_off_is_no_tolerance() -> None:
+    """Eight numbers of two things, all off by four tolerances; the same of eight things."""
+    for things, judged in ((2, False), (8, True)):
+        terms = [Term("gloss", str(k % things), f"p{k}", "1", 0.02, lambda s: None) for k in range(8)]
+        rng = np.random.default_rng(3)
+        X = rng.standard_normal((8, PIXELS)) / NOISE
+        theta = 0.08 * np.where(np.arange(8) % 3, 1.0, -1.0)
+        r = theta @ X + rng.standard_normal(PIXELS)
+        e = NormalEquations(
+            X @ X.T, X @ r, float(r @ r), PIXELS / NOISE**2, np.full(8, PIXELS / NOISE**2), 0.0, PIXELS
+        )
+        evidence = Evidence(e, terms)
+        own = {"gloss": np.ones(8)}
+        assert bool(factors(evidence, evidence.spike, own, evidence.search())) == judged
