@@ -47,6 +47,18 @@ class Mesh:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
+@dataclass(frozen=True, eq=False)
+class Grained(Mesh):
+    """With tangents turned by ``angle`` rad about the normals, to the left: a grain that runs another way."""
+
+    angle: float = 0.0
+
+    @cached_property
+    def tangents(self) -> np.ndarray:
+        straight = Mesh(self.vertices, self.faces, self.normals, self.uv).tangents
+        return np.cos(self.angle) * straight + np.sin(self.angle) * np.cross(self.normals, straight)
+
+
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(F, 3) unit normals; z for a face without area."""
     p = vertices[faces]

@@ -15,12 +15,14 @@ from analysis.gap.chain_terms import DARK
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
+from interchange.effects.anisotropy import Anisotropy
 from interchange.formats.document import Document
 from interchange.formats.usd_changes import Frame, author_changes
 from interchange.parameter import parameters
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
+STRAIGHT = 0.2  # sine of twice what a grain may run beside the tangent, which a scene has it along or across
 STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z) mm"
 
 
@@ -79,7 +81,12 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
         channels = {"R": change.values["Y"], "G": change.values["Y"], "B": change.values["Y"]} if (
             "Y" in change.values
         ) else change.values  # fmt: skip
-        return model(**_within(model, channels)).on_scene(scene, target)
+        effect = model(**_within(model, channels))
+        if isinstance(effect, Anisotropy):
+            if abs(np.sin(2 * effect.grain)) > STRAIGHT:
+                raise BrightfieldError("No number of a scene file says which way a grain runs.")
+            effect = replace(effect, cross=0.0, diagonal=0.0)
+        return effect.on_scene(scene, target)
     cameras = tuple(_with_effect(camera, model, change) for camera in scene.cameras)
     if all(a is b for a, b in zip(cameras, scene.cameras, strict=True)):
         return scene

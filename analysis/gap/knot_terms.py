@@ -24,6 +24,7 @@ from interchange.brdf.lobes import has_lobes
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
+from interchange.effects.anisotropy import is_long
 from interchange.effects.parts import SEVERAL, bounds, has, members
 from interchange.frames import apply
 from interchange.light import LightKind
@@ -120,9 +121,14 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
             step = _step(materials[name], parameter)
             alike = all(_step(materials[n], parameter) == step for n in shiny)  # one rendering does for all
             terms.append(term("gloss", name, parameter, step, t.gloss, alike))
-        terms.append(term("anisotropy", name, "ratio", RATIO, t.gloss, True))
+        # a grain runs along the tangent or any other way: both of its parts, where nothing else turns with it
+        turns = materials[name].normal_map is None and not is_long(materials[name])
         if isinstance(materials[name].brdf, Lafortune):
-            terms.append(term("anisotropy", name, "split", SPLIT, t.gloss / 2, True))
+            for way in ("split", "cross") if turns else ("split",):
+                terms.append(term("anisotropy", name, way, SPLIT, t.gloss / 2, True))
+        else:
+            for way in ("ratio", "diagonal") if turns else ("ratio",):
+                terms.append(term("anisotropy", name, way, RATIO, t.gloss, True))
     return terms
 
 

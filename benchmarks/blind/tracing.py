@@ -11,7 +11,7 @@ import glob
 import hashlib
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,12 @@ import cv2
 import numpy as np
 
 from benchmarks.blind.bench import Bench, Eye, Lamp, Matter, Part
+from benchmarks.blind.solids import Solid
 
 FINE = 3
 MARGIN = 4  # px around the sensor
 DEPTH = 12
+GRAIN = np.array([np.cos(0.5), np.sin(0.5), 0.0])  # of brushed parts, in their own frame
 
 _ready = False
 
@@ -84,8 +86,28 @@ def _bsdf(mi: Any, m: Matter) -> Any:
     return {"type": "diffuse", "reflectance": _rgb(m.diffuse)}
 
 
+def _grained(s: Solid) -> Solid:
+    """Every corner with coordinates of its own, u along the grain: frames of reflection turn with the part."""
+    corners = s.vertices[s.faces]
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    way = np.where(np.abs(n @ GRAIN)[:, None] < 0.9, GRAIN, [0.0, 0.0, 1.0])
+    along = way - n * np.sum(way * n, axis=1, keepdims=True)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    uv = np.stack([np.einsum("fij,fj->fi", corners, t) for t in (along, np.cross(n, along))], axis=-1)
+    return replace(
+        s,
+        vertices=corners.reshape(-1, 3),
+        faces=np.arange(3 * len(corners)).reshape(-1, 3),
+        normals=None if s.normals is None else s.normals[s.faces].reshape(-1, 3),
+        uv=uv.reshape(-1, 2),
+    )
+
+
 def _mesh(mi: Any, bsdf: Any, part: Part, pose: int) -> Any:
     s, M = part.solid, part.pose(pose)
+    if s.uv is None:
+        s = _grained(s)
     props = mi.Properties()
     props["bsdf"] = bsdf
     props["face_normals"] = s.normals is None
@@ -193,7 +215,7 @@ def layer(
 ) -> dict[str, np.ndarray]:
     """``direct``, ``indirect`` (h, w, 3): radiance of one lamp, or of the surroundings where ``lamp`` is None."""
     key = content(
-        _bodies(bench, pose), asdict(eye), asdict(lamp) if lamp else "sky", asdict(q), bench.size, seed, 4
+        _bodies(bench, pose), asdict(eye), asdict(lamp) if lamp else "sky", asdict(q), bench.size, seed, 5
     )
 
     def make() -> dict[str, np.ndarray]:

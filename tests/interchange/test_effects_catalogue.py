@@ -280,6 +280,46 @@ def test_anisotropy_stretches_a_lobe_along_the_tangent(brdf):
     assert changed.evaluate(wo, wo)[0] == pytest.approx(brdf.evaluate(wo, wo)[0], rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("brdf", "one", "half"),
+    [
+        (
+            Lafortune((0.1,) * 3, ((0.6,) * 3,), ((-1, -1, 1),), (20.0,)),
+            Anisotropy(split=0.1),
+            Anisotropy(cross=0.1),
+        ),
+        (Ggx(alpha_x=0.2, alpha_y=0.2), Anisotropy(1.5), Anisotropy(diagonal=float(np.log(1.5)))),
+    ],
+    ids=["Lafortune", "GGX"],
+)
+def test_a_grain_may_run_any_way(brdf, one, half):
+    """Both parts alike are a lobe root two times as long along 22.5 degrees; against it, along 112.5 degrees."""
+    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]), np.tile([0.0, 0.0, 1.0], (3, 1)))
+    body = Body("/b", mesh, Material("/m", brdf))
+
+    def seen(effect, angle):
+        """Of light from a direction that is turned by ``angle`` from the body's x axis."""
+        (b,) = effect.on_scene(Scene((body,))).bodies
+        t = b.mesh.tangents[0]
+        frame = np.stack([t, np.cross([0.0, 0.0, 1.0], t), [0.0, 0.0, 1.0]])
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        return b.material.brdf.evaluate(frame @ turn @ WI, frame @ turn @ WO)
+
+    quarter = np.radians(45.0)
+    for angle in np.radians([0.0, 20.0, 70.0]):
+        assert seen(half, angle + quarter) == pytest.approx(seen(one, angle))
+        assert seen(one, angle) != pytest.approx(seen(one, angle + quarter), rel=1e-3)
+    both = {n: getattr(half, n) or getattr(one, n) for n in ("diagonal", "cross", "split")}
+    both["ratio"] = one.ratio
+    assert Anisotropy(**both).grain == pytest.approx(quarter / 2)
+    against = {"ratio": 1 / one.ratio, **{n: -both[n] for n in ("diagonal", "cross", "split")}}
+    for angle in np.radians([10.0, 50.0]):
+        assert seen(Anisotropy(**against), angle) == pytest.approx(
+            seen(Anisotropy(**both), angle + 2 * quarter)
+        )
+
+
 def test_a_round_lobe_is_known_again_from_its_peak_and_width():
     """Ward's own lobe at 30 degrees, to the grid of the search (5 %)."""
     from interchange.effects.shine import _equivalent
