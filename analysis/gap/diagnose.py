@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from analysis.gap import aperture
 from analysis.gap.attribution import (
     CATALOGUED,
     PRESENT,
@@ -179,7 +180,12 @@ def diagnose(
         errors = without(fitted, fitted.best.causes)
         check = verified(scene_file, held, errors, by, claim**0.5, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
-    notes = [*_refuted(fitted), *_wider(fitted), *_notes(all_of_them, where, tried, left)]
+    notes = [
+        *_refuted(fitted),
+        *_wider(fitted),
+        *_apertures(fitted),
+        *_notes(all_of_them, where, tried, left),
+    ]
     if check is not None and check.sentence:
         notes.insert(0, check.sentence)
     diagnosis = Diagnosis(
@@ -286,6 +292,17 @@ def _refuted(fitted: Fit) -> list[str]:
         f"The captures that were fitted to speak for {name.replace('_', ' ')}{of}; those held out are simulated better "
         f"without it, so it is taken back."
         for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
+    ]
+
+
+def _apertures(fitted: Fit) -> list[str]:
+    causes = {c for c in fitted.best.causes if c[0] == aperture.DEFOCUS[0]}
+    v = aperture.variance(fitted.terms, fitted.after.theta)
+    if not causes or not v or aperture.kept(v) >= aperture.TOLD:
+        return []
+    return [
+        f"A blur of {v**0.5:.2g} px is as small as that of pixels whose aperture is no square, and captures do not "
+        f"tell the two apart: a slanted edge at two focus distances does."
     ]
 
 

@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from analysis.gap.aperture import without_apertures
 from analysis.gap.chain_terms import black_levels, chain_terms, dark_current
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
@@ -168,6 +169,7 @@ def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
         still = np.where([t.kind == "flow" for t in terms] & ~cause, stand.at, 0.0)
         before = Model(tuple(terms), np.where(cause, 0.0, theta), still, knots)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
+    probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
     doubted = stand.evidence.sigma(best)[:q]
     return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts, doubted)
 

@@ -123,9 +123,12 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
             terms.append(term("gloss", name, parameter, step, t.gloss, alike))
         # a grain runs along the tangent or any other way: both of its parts, where nothing else turns with it
         turns = materials[name].normal_map is None and not is_long(materials[name])
-        if isinstance(materials[name].brdf, Lafortune):
+        brdf = materials[name].brdf
+        if isinstance(brdf, Lafortune):
+            # a lobe's strength at 45 degrees changes by n / 4 of the split: as far as its level is known
+            spike = min(4 / max(brdf.n), 0.5) * t.gloss
             for way in ("split", "cross") if turns else ("split",):
-                terms.append(term("anisotropy", name, way, SPLIT, t.gloss / 2, True))
+                terms.append(term("anisotropy", name, way, SPLIT, spike, True))
         else:
             for way in ("ratio", "diagonal") if turns else ("ratio",):
                 terms.append(term("anisotropy", name, way, RATIO, t.gloss, True))
