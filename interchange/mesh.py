@@ -36,9 +36,7 @@ class Mesh:
         length = np.linalg.norm(t, axis=1)
         scale = np.linalg.norm(np.ptp(self.vertices, axis=0)) if len(self.vertices) else 1.0
         bare = length <= 1e-12 * max(scale, 1e-30)
-        axis = np.where(np.abs(self.normals[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
-        fallback = axis - self.normals * np.sum(axis * self.normals, axis=1, keepdims=True)
-        t = np.where(bare[:, None], fallback, t)
+        t = np.where(bare[:, None], laid(self.normals), t)
         return t / np.linalg.norm(t, axis=1, keepdims=True)
 
     @property
@@ -49,14 +47,27 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Grained(Mesh):
-    """With tangents turned by ``angle`` rad about the normals, to the left: a grain that runs another way."""
+    """With tangents along another way: the body's x axis turned by ``angle`` rad about its z axis and laid onto the
+    surface; with uv, turned by it about the normals, to the left."""
 
     angle: float = 0.0
 
     @cached_property
     def tangents(self) -> np.ndarray:
+        if self.uv is None:
+            t = laid(self.normals, self.angle)
+            return t / np.linalg.norm(t, axis=1, keepdims=True)
         straight = Mesh(self.vertices, self.faces, self.normals, self.uv).tangents
         return np.cos(self.angle) * straight + np.sin(self.angle) * np.cross(self.normals, straight)
+
+
+def laid(normals: np.ndarray, angle: float = 0.0) -> np.ndarray:
+    """(V, 3), not unit: the x axis turned by ``angle`` rad about the z axis, at right angles to ``normals``; where they
+    are along it, the y axis turned so."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = np.array([[c, s, 0.0]]), np.array([[-s, c, 0.0]])
+    axis = np.where(np.abs(normals @ x[0])[:, None] < 0.9, x, y)
+    return np.asarray(axis - normals * np.sum(axis * normals, axis=1, keepdims=True))
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -6,13 +6,13 @@ a GLSL fragment, is a group by itself.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import moderngl
 import numpy as np
 
 from interchange import shader
 from interchange.brdf import Brdf
+from interchange.brdf.lobes import is_isotropic
 from interchange.material import Material, Texture
 from interchange.problems import BrightfieldError
 from interchange.table import Table
@@ -143,24 +143,6 @@ def _stands_alone(material: Material) -> bool:
 def needs_uv(material: Material) -> bool:
     """Whether a point's reflectance depends on where on the surface it lies."""
     return bool(material.maps or material.emission_map is not None or material.glsl)
-
-
-@lru_cache(maxsize=1024)
-def is_isotropic(brdf: Brdf) -> bool:
-    """Whether turning both directions about the normal changes nothing: declared by the model, or found for these
-    parameters (Lafortune with Cx = Cy) by trying it, which no formula of a model passes by accident."""
-    if type(brdf).isotropic:
-        return True
-    rng = np.random.default_rng(0)
-    z, phi, turn = rng.uniform(0.05, 1, (2, 64)), rng.uniform(0, 2 * np.pi, (2, 64)), rng.uniform(0, 6, 64)
-
-    def value(angle: np.ndarray) -> np.ndarray:
-        s = np.sqrt(1 - z**2)
-        wi, wo = np.stack([s * np.cos(angle), s * np.sin(angle), z], -1)
-        return brdf.evaluate(wi, wo)
-
-    still, turned = value(phi), value(phi + turn)
-    return bool(np.allclose(still, turned, rtol=1e-9, atol=1e-12 * float(np.abs(still).max())))
 
 
 def check(material: Material) -> None:

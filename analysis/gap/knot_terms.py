@@ -20,11 +20,10 @@ from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from analysis.gap.views import placed
 from interchange.brdf.lafortune import Lafortune
-from interchange.brdf.lobes import has_lobes
+from interchange.brdf.lobes import has_lobes, is_isotropic
 from interchange.camera import Projection
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
-from interchange.effects.anisotropy import is_long
 from interchange.effects.parts import SEVERAL, bounds, has, members
 from interchange.frames import apply
 from interchange.light import LightKind
@@ -122,16 +121,12 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
             alike = all(_step(materials[n], parameter) == step for n in shiny)  # one rendering does for all
             terms.append(term("gloss", name, parameter, step, t.gloss, alike))
         # a grain runs along the tangent or any other way: both of its parts, where nothing else turns with it
-        turns = materials[name].normal_map is None and not is_long(materials[name])
-        brdf = materials[name].brdf
-        if isinstance(brdf, Lafortune):
-            # a lobe's strength at 45 degrees changes by n / 4 of the split: as far as its level is known
-            spike = min(4 / max(brdf.n), 0.5) * t.gloss
-            for way in ("split", "cross") if turns else ("split",):
-                terms.append(term("anisotropy", name, way, SPLIT, spike, True))
-        else:
-            for way in ("ratio", "diagonal") if turns else ("ratio",):
-                terms.append(term("anisotropy", name, way, RATIO, t.gloss, True))
+        turns = materials[name].normal_map is None and is_isotropic(materials[name].brdf)
+        ways = ("split", "cross") if isinstance(materials[name].brdf, Lafortune) else ("ratio", "diagonal")
+        step = SPLIT if isinstance(materials[name].brdf, Lafortune) else RATIO
+        for way in ways if turns else ways[:1]:  # no tolerance speaks of it
+            told = term("anisotropy", name, way, step, EDGED * t.flat_field / np.sqrt(2), True)
+            terms.append(replace(told, relative=True))
     return terms
 
 

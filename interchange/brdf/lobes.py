@@ -1,6 +1,7 @@
 """What any model's lobes are made of, by what its file declares: ``matte``, ``strength``, ``width``."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,6 +14,24 @@ def has_lobes(brdf: Brdf) -> bool:
     if not brdf.width or (parameters(brdf)[next(iter(brdf.width))].per_lobe and not brdf.lobes):
         return False
     return not brdf.strength or bool(np.any(np.asarray(getattr(brdf, brdf.strength))))
+
+
+@lru_cache(maxsize=1024)
+def is_isotropic(brdf: Brdf) -> bool:
+    """Whether turning both directions about the normal changes nothing: declared by the model, or found for these
+    parameters (Lafortune with Cx = Cy) by trying it, which no formula of a model passes by accident."""
+    if type(brdf).isotropic:
+        return True
+    rng = np.random.default_rng(0)
+    z, phi, turn = rng.uniform(0.05, 1, (2, 64)), rng.uniform(0, 2 * np.pi, (2, 64)), rng.uniform(0, 6, 64)
+
+    def value(angle: np.ndarray) -> np.ndarray:
+        s = np.sqrt(1 - z**2)
+        wi, wo = np.stack([s * np.cos(angle), s * np.sin(angle), z], -1)
+        return brdf.evaluate(wi, wo)
+
+    still, turned = value(phi), value(phi + turn)
+    return bool(np.allclose(still, turned, rtol=1e-9, atol=1e-12 * float(np.abs(still).max())))
 
 
 def width_factors(brdf: Brdf, along: float, across: float) -> dict[str, float]:

@@ -94,14 +94,3 @@ class Anisotropy(Effect):
             root = float(np.sqrt(self.ratio))
             return shone(material, root, 1 / root, 1.0)
         return stretched(material, self.ratio)
-
-
-def is_long(material: Material) -> bool:
-    """Whether what it reflects changes as it turns about its normal already."""
-    wi, wo = np.array([0.3, 0.1, 0.9]), np.array([-0.5, 0.2, 0.8])
-    values = []
-    for angle in np.radians([0.0, 45.0, 90.0]):
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        values.append(material.brdf.evaluate(*(turn @ (v / np.linalg.norm(v)) for v in (wi, wo))))
-    return not np.allclose(values, values[0], rtol=1e-6)

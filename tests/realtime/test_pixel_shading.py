@@ -7,6 +7,7 @@ import pytest
 
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lambert import Lambert
+from interchange.brdf.lobes import is_isotropic
 from interchange.brdf.phong import Phong
 from interchange.light import Light, LightKind
 from interchange.material import Material
@@ -14,7 +15,6 @@ from interchange.mesh import Mesh
 from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
 from realtime import lighting, stencil
-from realtime.materials import is_isotropic
 from realtime.renderers.rasterizer import Rasterizer
 
 BRUSHED = Lafortune(0.2, weight=((0.5, 0.2, 0.1),), C=((-1.0, -0.8, 0.9),), n=(12,))
