@@ -141,3 +141,14 @@ def test_every_pixel_lies_in_one_zone(shape: tuple[int, int]) -> None:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
+
+
+def test_what_the_first_stand_does_not_show_stays_nothing(rng: np.random.Generator) -> None:
+    """A place that no capture showed, of which a stand further on shows next to nothing, has no width of its own."""
+    X = rng.standard_normal((200, 2))
+    terms = [replace(t, relative=True, spike=5e-4) for t in _terms(["a", "b"], 0.01)]
+    nothing = X * [1.0, 0.0]
+    first = Evidence(_equations(nothing, nothing @ [0.1, 0.0]), terms)
+    there = X * [1.0, 1e-13]
+    later = Evidence(_equations(there, X @ [0.1, 0.5]), terms, spikes=first.spike)
+    assert abs(later.theta(later.at((), ()))[1]) < 1e-3
