@@ -84,7 +84,9 @@ class Evidence:
             together[index] = np.linalg.norm(share[index]) if cell else share[index] * root
         self.together = together
         # what calibration leaves is told where a term shows: one capture's gain is as far off where there are many
-        own = np.where(self.seen, np.maximum(equations.own_share, 1e-12), 1.0)  # what is not seen stays where it is
+        own = np.where(
+            self.seen, np.maximum(equations.own_share, 1e-12), 1.0
+        )  # what is not seen stays where it is
         for index in self.members.values():
             if terms[index[0]].family is not None:
                 own[index] = np.linalg.norm(own[index])
