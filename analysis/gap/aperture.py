@@ -20,6 +20,7 @@ from analysis.gap.terms import Term
 P0, V0 = 0.3, 0.12  # px²
 TOLD = 0.9  # of what a defocus keeps: what keeps less is told
 DEFOCUS = ("defocus", "blur")
+RIVAL, TELLING = "pixel_aperture", "a slanted edge at two focus distances"
 
 
 def kept(variance: float) -> float:

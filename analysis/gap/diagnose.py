@@ -302,7 +302,7 @@ def _apertures(fitted: Fit) -> list[str]:
         return []
     return [
         f"A blur of {v**0.5:.2g} px is as small as that of pixels whose aperture is no square, and captures do not "
-        f"tell the two apart: a slanted edge at two focus distances does."
+        f"tell the two apart: {aperture.TELLING} does."
     ]
 
 
