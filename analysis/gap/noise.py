@@ -22,7 +22,8 @@ from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from interchange.effects.sensor_noise import SensorNoise
 from interchange.parameter import parameters
 
-GAIN, READ = 0.03, 0.1  # relative errors of gain and read noise that a data sheet leaves
+GAIN, READ = 0.02, 0.1  # relative errors of gain and read noise that a data sheet leaves
+WIDE = 0.2  # relative error of a gain that is off
 LEAST_READ = 0.5  # e-, error of a read noise that is small
 LINEAR = 0.7  # of saturation, up to which the standard takes the line whose slope is K
 LEVELS = 24  # of brightness that variances are put together by
@@ -84,7 +85,7 @@ def sensor_noise(
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
     left = 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)
     spike = np.array([GAIN, float(np.hypot(left, max(offset, 0.0) / sheet.K))])
-    slab = np.array([0.5, 3 * max(sheet.read_noise, 2.0) ** 2])
+    slab = np.array([WIDE, 3 * max(sheet.read_noise, 2.0) ** 2])
     above = max(square, 0.0)  # below is noise of the estimate
     p = probability(np.array([gain - 1, above - sheet.read_noise**2]), covariance, spike, slab)
     read = float(np.sqrt(above))
