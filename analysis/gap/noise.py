@@ -85,7 +85,7 @@ def sensor_noise(
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
     left = 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)
     spike = np.array([GAIN, float(np.hypot(left, max(offset, 0.0) / sheet.K))])
-    slab = np.array([WIDE, 3 * max(sheet.read_noise, 2.0) ** 2])
+    slab = np.hypot(spike, [WIDE, 3 * max(sheet.read_noise, 2.0) ** 2])
     above = max(square, 0.0)  # below is noise of the estimate
     p = probability(np.array([gain - 1, above - sheet.read_noise**2]), covariance, spike, slab)
     read = float(np.sqrt(above))

@@ -143,6 +143,21 @@ def test_an_offset_may_have_a_noise_of_its_own(noisy: float, sure: bool) -> None
     assert (told.probability > 0.9) == sure
 
 
+def test_a_gain_that_is_off_is_found_beside_an_offset_whose_noise_is_its_own() -> None:
+    """12 % more than an ideal sensor's, and 119 e-² of which 20 DN may bring 50: what may be wide is no narrower than
+    what is not."""
+    sheet = replace(SHEET, full_well=1.12 * SHEET.full_well, read_noise=0.0)
+    found, said = _rig(0, (BlackLevel(84.0), SensorNoise(119**0.5)))
+    told = sensor_noise(
+        [replace(c, camera=replace(c.camera, sensor=replace(sheet, black_level=84.0))) for c in found],
+        [s + 20 for s in said],
+        20.0,
+    )
+    assert told is not None
+    assert told.parameters["K"].value == pytest.approx(SHEET.K, rel=0.03)
+    assert told.probability > 0.9
+
+
 def test_a_light_that_drifts_between_repeats_is_no_noise() -> None:
     """By 2 % of the mean: its variance would be as large as the photons'."""
     found, said = _rig(0)
