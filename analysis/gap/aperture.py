@@ -3,11 +3,9 @@
 Pixels are taken as means over their squares, whose variance is 1/12 px² along each way. Charge that spreads to
 neighbours, and the filters that other renderers draw with (a Gaussian of 0.45 to 0.5 px), are wider, by 0.12 to
 0.17 px². With p0 the probability that pixels are not as said, before any capture, and a half-normal distribution of
-what their variance adds, a defocus of variance v keeps
+what their variance adds, a defocus of variance v keeps (p0 is a guess; v0 is what the blind engine's other filter adds)
 
     p / (1 + odds),   odds = p0 / (1 - p0) min(1, exp(½ - ½ (v / v0)²))
-
-Boreman: Modulation Transfer Function in Optical and Electro-Optical Systems. SPIE 2001 (detectors' footprints).
 """
 
 from collections.abc import Sequence

@@ -18,6 +18,7 @@ from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
 FAR = (LightKind.DISTANT, LightKind.DOME)
+# shares as the blind engine draws them (0.8 and 0.5), which was read before
 GRAY = (
     0.8,
     0.6,

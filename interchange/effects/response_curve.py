@@ -3,8 +3,8 @@
     DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(y + c y (1 - y))),
     y = x^γ,   x = (DN - black) / (2^b - 1 - black)
 
-A pixel's own non-linearity is c: its gain falls as it fills. Below black, where noise reaches, the curve goes on
-point-symmetrically.
+c is the first term of any smooth deviation from a line that is nothing at both ends, no published model. Below black,
+where noise reaches, the curve goes on point-symmetrically.
 """
 
 from dataclasses import dataclass, replace
@@ -25,10 +25,7 @@ class ResponseCurve(Effect):
 
     stage = Stage.READOUT
     order = 60
-    source = (
-        "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004; "
-        "EMVA 1288, release 4.0 linear, section 2: linearity."
-    )
+    source = "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004."
     identified_by = "DN differ by a function of DN alone, whatever the material and the place."
     confused_with = ("exposure", "saturation", "black_level")
     separated_by = "the same scene at a quarter and at four times the exposure"
