@@ -8,7 +8,7 @@ what their variance adds, a defocus of variance v keeps (p0 is a guess; v0 is wh
     p / (1 + odds),   odds = p0 / (1 - p0) min(1, exp(½ - ½ (v / v0)²))
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from analysis.gap.terms import Term
 P0, V0 = 0.3, 0.12  # px²
 TOLD = 0.9  # of what a defocus keeps: what keeps less is told
 DEFOCUS = ("defocus", "blur")
-RIVAL, TELLING = "pixel_aperture", "a slanted edge at two focus distances"
+TELLING = "a slanted edge at two focus distances"
 
 
 def kept(variance: float) -> float:
@@ -33,6 +33,11 @@ def without_apertures(
     """Probabilities of causes, that of a defocus with what may be an aperture taken off."""
     v = variance(terms, theta)
     return {c: p * (kept(v) if c[0] == DEFOCUS[0] and v > 0 else 1.0) for c, p in probability.items()}
+
+
+def may_be_one(causes: Iterable[Cause], variance: float) -> bool:
+    """Whether the defocus among ``causes``, of ``variance`` px², is so small."""
+    return any(c[0] == DEFOCUS[0] for c in causes) and variance > 0 and kept(variance) < TOLD
 
 
 def variance(terms: Sequence[Term], theta: np.ndarray) -> float:

@@ -296,9 +296,8 @@ def _refuted(fitted: Fit) -> list[str]:
 
 
 def _apertures(fitted: Fit) -> list[str]:
-    causes = {c for c in fitted.best.causes if c[0] == aperture.DEFOCUS[0]}
     v = aperture.variance(fitted.terms, fitted.after.theta)
-    if not causes or not v or aperture.kept(v) >= aperture.TOLD:
+    if not aperture.may_be_one(fitted.best.causes, v):
         return []
     return [
         f"A blur of {v**0.5:.2g} px is as small as that of pixels whose aperture is no square, and captures do not "

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.gap import aperture
 from analysis.gap.advice import separating
 from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution
 from analysis.gap.diagnosis import Estimate, Finding
@@ -49,11 +48,6 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
             estimates["rms in places"] = _rms(fitted, in_places)
         rivals = _rivals(fitted, own)
         separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
-        if name == aperture.DEFOCUS[0]:
-            share = aperture.kept(aperture.variance(fitted.terms, fitted.after.theta))
-            if share < aperture.TOLD:
-                rivals = ((aperture.RIVAL, 1 - share), *rivals)
-                separate = aperture.TELLING
         out.append(
             Finding(
                 name=name,

@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Sequence
 
+from analysis.gap import aperture
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Diagnosis, Finding, names
 from analysis.gap.fit import Fit
@@ -107,6 +108,8 @@ def next_captures(d: Diagnosis, found: Sequence[Condition], fit: Fit) -> list[st
         for f in d.effects
         if f.separate_by
     ]
+    if aperture.may_be_one(fit.best.causes, aperture.variance(fit.terms, fit.after.theta)):
+        out.append(f"To tell defocus from pixels whose aperture is no square: {aperture.TELLING}.")
     if d.unknown:
         out.append(
             "To follow what the catalogue does not have: a flat field (fixed to the image?), the same part turned "

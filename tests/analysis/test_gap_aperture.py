@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.gap.aperture import P0, V0, kept, without_apertures
+from analysis.gap.aperture import P0, V0, kept, may_be_one, without_apertures
 from analysis.gap.terms import Term
 
 
@@ -21,3 +21,10 @@ def test_nothing_else_is_in_doubt() -> None:
     p = without_apertures(sure, (blur, other), np.array([0.1, 0.1]))
     assert p == {("defocus", ""): pytest.approx(1 - P0), ("motion_blur", ""): 1.0}
     assert without_apertures(sure, (blur, other), np.array([0.0, 0.1])) == sure
+
+
+def test_it_is_told_of_a_small_defocus_alone() -> None:
+    assert may_be_one([("defocus", "")], 0.1)
+    assert not may_be_one([("defocus", "")], 0.4)
+    assert not may_be_one([("defocus", "")], 0.0)
+    assert not may_be_one([("motion_blur", "")], 0.1)
