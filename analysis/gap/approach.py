@@ -18,6 +18,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause
 from analysis.gap.normal_equations import FLOOR, SIGNAL
+from analysis.gap.parallel import each
 from analysis.gap.radiance import Rendered, means
 from analysis.gap.reach import cropped
 from interchange.camera import Camera
@@ -153,15 +154,18 @@ def _equations(search: "Search", level: _Level, index: np.ndarray, at: np.ndarra
     terms = [search.terms[i] for i in index]
     G, b, rr = np.zeros((len(index), len(index))), np.zeros(len(index)), 0.0
     model = search.model(at, at)
-    for condition, W in zip(level.conditions, level.weights, strict=True):
-        state = model.state(condition)
+
+    def of(k: int) -> tuple[list[int], np.ndarray]:
+        state, W = model.state(level.conditions[k]), level.weights[k]
         s = state.signal
         columns = [t.field(state) for t in terms]
         shown = [k for k, column in enumerate(columns) if column is not None]
         X = np.stack([state.residual, *(columns[k] for k in shown)]).astype(np.float32)
         share = np.einsum("khwc,hwc->kc", X, W * s) / np.maximum((W * s * s).sum(axis=(0, 1)), 1e-30)
         X = (X - share[:, None, None, :] * s).reshape(len(X), -1)
-        A = (X * W.reshape(-1)) @ X.T
+        return shown, (X * W.reshape(-1)) @ X.T
+
+    for shown, A in each(of, range(len(level.conditions))):
         G[np.ix_(shown, shown)] += A[1:, 1:]
         b[shown] += A[1:, 0]
         rr += float(A[0, 0])

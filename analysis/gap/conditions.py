@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from analysis.gap.expected import SATURATED, Expected, expected
 from analysis.gap.fine_optics import told_apart
+from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Changes, Rendered
 from analysis.gap.views import seen
 from interchange.camera import Camera
@@ -72,12 +72,12 @@ class Condition:
 
         return Expected(fitting(e.dn), fitting(e.temporal), fitting(e.fixed), e.black, e.top)
 
-    @cached_property
+    @own_property
     def compared(self) -> np.ndarray:
         """(H, W) bool: pixels that the scene file's own simulation lets compare."""
         return self.usable(self.simulated())
 
-    @cached_property
+    @own_property
     def above_zero(self) -> np.ndarray:
         """(H, W) bool: so far above DN 0 that no noise is cut off there."""
         noise = np.sqrt(self.simulated().temporal)

@@ -37,8 +37,9 @@ from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.noise import noise_findings, with_black_level
 from analysis.gap.noise_finding import NoiseFinding
-from analysis.gap.normal_equations import equations, stride_for
+from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
+from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.scales import LEFT
@@ -128,12 +129,12 @@ def diagnose(
     held = [c for c in all_of_them if c.held_out]
     scale = temporal_scale(all_of_them) or 1.0
     fitted = _no_worse([c for c in all_of_them if not c.held_out], fitted)
-    after = [fitted.after.simulated(c) for c in held]
+    after = each(fitted.after.simulated, held)
     fitted = confirmed(fitted, held, yardstick(held, after, scale))
     shown = Simulations(
         tuple(c.simulated().dn for c in held),
-        tuple(fitted.before.simulated(c) for c in held),
-        tuple(fitted.after.simulated(c) for c in held),
+        tuple(each(fitted.before.simulated, held)),
+        tuple(each(fitted.after.simulated, held)),
     )
     by = yardstick(held, shown.after, scale)
     if not any(ok.any() for ok in by.ok):
@@ -145,7 +146,7 @@ def diagnose(
     taken = attribution(fitted, held, by, shown.before, shown.after, told)
     findings = effects_found(fitted, taken, shrunk)
     told("noise", 0.0)
-    corrected = [fitted.after.simulated(c) for c in all_of_them]
+    corrected = each(fitted.after.simulated, all_of_them)
     black = sum(
         float(x)
         for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
@@ -211,13 +212,15 @@ def _no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
     errors: those go with the effects."""
     if not fitted.best.causes:
         return fitted
-    left = np.zeros(2)
-    for c in fitted_to:
+
+    def left(c: Condition) -> list[float]:
         model = c.simulated()
         ok, variance = c.usable(model), model.variance
-        for k, dn in enumerate((model.dn, fitted.before.simulated(c))):
-            left[k] += float(((c.mean - dn)[ok] ** 2 / variance[ok]).sum())
-    if left[1] <= left[0]:
+        both = (model.dn, fitted.before.simulated(c))
+        return [float(((c.mean - dn)[ok] ** 2 / variance[ok]).sum()) for dn in both]
+
+    as_written, before = np.sum(each(left, fitted_to), axis=0)
+    if before <= as_written:
         return fitted
     zero = np.zeros(len(fitted.terms))
     return replace(fitted, before=Model(fitted.terms, zero, zero, fitted.before.knots))
@@ -260,7 +263,7 @@ def _noise_change(noise: NoiseFinding) -> Change:
 
 
 def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]) -> Ledger:
-    before = [fitted.before.simulated(c) for c in found]
+    before = each(fitted.before.simulated, found)
     families = {
         "the image": ("fixed to the image, multiplicative", "fixed to the image, additive", "exposure"),
         "the surface": ("fixed to the surface", "albedo"),
@@ -272,15 +275,17 @@ def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]
         chosen = [t for t in fitted.terms if t.cause in causes]
         index[name] = list(range(len(own), len(own) + len(chosen)))
         own += chosen
-    zero, stride, total = np.zeros(len(own)), stride_for(found), None
-    for c, dn in zip(found, before, strict=True):
-        if not c.held_out:
-            left = replace(c, mean=c.mean - dn + c.simulated().dn)  # what is to be told apart is before's gap
-            state = Model(tuple(own), zero, zero).state(left, stride)
-            if state.usable.any():
-                part = equations(state, own, zero)
-                total = part if total is None else total + part
-    assert total is not None
+    zero, stride = np.zeros(len(own)), stride_for(found)
+    model = Model(tuple(own), zero, zero)
+
+    def part(both: tuple[Condition, np.ndarray]) -> NormalEquations | None:
+        c, dn = both
+        left = replace(c, mean=c.mean - dn + c.simulated().dn)  # what is to be told apart is before's gap
+        state = model.state(left, stride)
+        return equations(state, own, zero) if state.usable.any() else None
+
+    fitted_to = [(c, dn) for c, dn in zip(found, before, strict=True) if not c.held_out]
+    total = total_of([p for p in each(part, fitted_to) if p is not None])
     evidence = Evidence(total, own)
     seen = {name: np.array([i for i in places if evidence.seen[i]], int) for name, places in index.items()}
     fixed = fixed_to(seen, total.G, total.b, total.rr, evidence.spike)

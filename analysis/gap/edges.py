@@ -19,6 +19,8 @@ import cv2
 import numpy as np
 from scipy.special import ndtr
 
+from analysis.gap.parallel import each
+
 REACH, SAMPLES = 4.0, 25  # px on either side; samples of a profile
 CONTRAST = 8.0  # least step over the noise of a pixel
 MOST = 4000  # edges an image
@@ -63,19 +65,16 @@ def offsets(
     ``captures`` (H, W, C) DN; ``regions`` (H, W) int: edges are where it changes; ``usable`` (H, W) bool;
     ``noise`` (H, W) DN, rms of the mean of the channels.
     """
-    found: list[list[np.ndarray]] = [[] for _ in simulations]
-    floors = []
-    for k, (capture, region, ok, sigma) in enumerate(zip(captures, regions, usable, noise, strict=True)):
-        images = [i[k].mean(axis=2).astype(np.float32) for i in simulations]
-        measured = _measured(capture.mean(axis=2).astype(np.float32), images, region, ok, sigma)
-        if measured is not None and len(measured[1]):
-            for own, offset in zip(found, measured[0], strict=True):
-                own.append(offset)
-            floors.append(measured[1])
-    if not floors:
+
+    def of(k: int) -> tuple[list[np.ndarray], np.ndarray] | None:
+        images = [i[k].mean(axis=2).astype(np.float32) for i in (captures, *simulations)]
+        return _measured(images[0], images[1:], regions[k], usable[k], noise[k])
+
+    found = [x for x in each(of, range(len(captures))) if x is not None and len(x[1])]
+    if not found:
         return None
-    floor = float(np.sqrt(np.mean(np.concatenate(floors) ** 2)))
-    joined = [np.concatenate(own) for own in found]
+    floor = float(np.sqrt(np.mean(np.concatenate([own for _, own in found]) ** 2)))
+    joined = [np.concatenate([own[i] for own, _ in found]) for i in range(len(simulations))]
     return [EdgeOffsets(float(d.mean()), float(np.sqrt(np.mean(d**2))), floor, len(d)) for d in joined]
 
 

@@ -22,6 +22,7 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.radiance import Changes
+from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares
 from analysis.gap.search import Search, Stand, Told
@@ -91,6 +92,8 @@ def fit(
     first = search.averaged(first)
     stands = _followed(search, first, redraw is not None) if first.best.causes else []
     chosen = max(stands or [first], key=lambda s: s.best.score)
+    if _gain(chosen) > CLEAR * _gain(first) > 0:
+        chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
     if chosen is not first:
         chosen = _rescaled(search, first, chosen)
     far = search.far(chosen)
@@ -99,6 +102,11 @@ def fit(
         there = search.stand(chosen.at, {}, "evidence", {})
         chosen = search.gone_on(there, "fit anew")
     return replace(_fit(search.terms, chosen, knots), redrawn=far, factors=search.widths.factors)
+
+
+def _gain(stand: Stand) -> float:
+    """Of log Z, over calibration's errors alone."""
+    return stand.best.score - next(h for h in stand.hypotheses if not h.causes).score
 
 
 def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:
@@ -115,7 +123,7 @@ def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     """Where the starts of the first stand lead to, until one of them is clear, or two come to the same."""
     none = next(h for h in first.hypotheses if not h.causes)
-    hoped = first.best.score - none.score
+    hoped = _gain(first)
 
     def clear(stand: Stand) -> bool:
         return stand.best.score - none.score > CLEAR * hoped

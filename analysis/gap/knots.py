@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from analysis.gap.parallel import by_asker
 from analysis.gap.radiance import Changes, Rendered, drawn, fingerprint
 from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
@@ -128,11 +129,15 @@ class Knots:
 
     def _kept(self, shown: Rendered, effects: Changes, offset: float, most: int) -> Change:
         key = (id(shown.scene), shown.camera.sensor.resolution, effects, offset, most)
-        if key not in self._changes:
-            self._scenes[id(shown.scene)] = shown.scene
-            after = changed(shown.scene, effects)
-            self._changes[key] = self._between(shown, after, effects, offset, most)
-        return self._changes[key]
+
+        def drawn() -> Change:
+            if key not in self._changes:
+                self._scenes[id(shown.scene)] = shown.scene
+                after = changed(shown.scene, effects)
+                self._changes[key] = self._between(shown, after, effects, offset, most)
+            return self._changes[key]
+
+        return self._changes[key] if key in self._changes else by_asker(drawn)
 
     def close(self) -> None:
         """Give the rasteriser back; what was rendered stays."""

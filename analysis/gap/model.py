@@ -3,13 +3,14 @@
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
 from analysis.gap.chain_terms import effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.knots import Knots
+from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Changes, Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import Term, added
@@ -22,18 +23,21 @@ def _unit_flow(state: State, term: Term) -> np.ndarray | None:
     """(H, W, 2) float32 px that a unit of a term moves the image by, as the scene is written."""
     shown = state.condition.shown
     key = (id(shown), id(term))
-    if key not in _units:
-        found = term.flow(state) if term.flow is not None else None
-        unit = None if found is None else np.stack(found, axis=-1).astype(np.float32)
+    with _keeping:
+        if key in _units:
+            _units.move_to_end(key)
+            return _units[key][2]
+    found = term.flow(state) if term.flow is not None else None
+    unit = None if found is None else np.stack(found, axis=-1).astype(np.float32)
+    with _keeping:
         _units[key] = shown, term, unit
         while sum(u.nbytes for *_, u in _units.values() if u is not None) > MOST:
             _units.popitem(last=False)
-        return unit
-    _units.move_to_end(key)
-    return _units[key][2]
+    return unit
 
 
 _units: OrderedDict[tuple[int, int], tuple[Rendered, Term, np.ndarray | None]] = OrderedDict()
+_keeping = Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +65,7 @@ class Model:
         values = {t.key: float(x) for t, x in zip(self.terms, self.at, strict=True)}
         return effects_at(self.terms, values, State(condition))
 
-    @cached_property
+    @own_property
     def scene(self) -> Changes:
         """The effects of the scene that are not at zero, each with what it is about."""
         values: dict[tuple[str, str], dict[str, float]] = {}
@@ -80,7 +84,7 @@ class Model:
             self._flows[key] = condition.shown, self._flow(State(condition), moving)
         return self._flows[key][1]
 
-    @cached_property
+    @own_property
     def _flows(self) -> dict[int, tuple[Rendered, np.ndarray]]:
         return {}
 
@@ -100,7 +104,7 @@ class Model:
             self._simulated[id(condition)] = condition, dn
         return self._simulated[id(condition)][1]
 
-    @cached_property
+    @own_property
     def _simulated(self) -> dict[int, tuple[Condition, np.ndarray]]:
         return {}
 

@@ -4,7 +4,7 @@ What is linear is linear everywhere; the image chain, what moves the image and w
 where a hypothesis has them (Gauss-Newton), and all is linearised anew there.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_term
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
+from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes
 from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
@@ -114,9 +115,7 @@ class Search:
         ]
         terms = [self.terms[i] for i in own]
         for k in range(REGISTRATIONS):
-            model = self.model(at, at)
-            states = [model.state(c, self.stride) for c in self.conditions]
-            parts = [equations(s, terms, at[own]) for s in states if s.usable.any()]
+            parts, _ = self._linearised(self.model(at, at), terms, at[own])
             if not parts:
                 break
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
@@ -127,6 +126,26 @@ class Search:
             self.told("registration", (k + 1) / REGISTRATIONS)
         return at
 
+    def _linearised(
+        self,
+        model: Model,
+        terms: Sequence[Term],
+        at: np.ndarray,
+        kept: dict[str, Sensitivities] | None = None,
+        anew: Collection[int] = (),
+    ) -> tuple[list[NormalEquations], dict[str, Sensitivities]]:
+        """Of some of the terms, which stand ``at``, and their sensitivities, by the condition's name."""
+
+        def of(condition: Condition) -> tuple[NormalEquations, Sensitivities] | None:
+            state = model.state(condition, self.stride)
+            if not state.usable.any():
+                return None
+            drawn = sensitivities(state, terms, (kept or {}).get(condition.name), anew)
+            return equations(state, terms, at, drawn=drawn), drawn
+
+        found = {c.name: x for c, x in zip(self.conditions, each(of, self.conditions), strict=True) if x}
+        return [parts for parts, _ in found.values()], {name: drawn for name, (_, drawn) in found.items()}
+
     def may_move(self, best: Hypothesis) -> bool:
         """Whether it has what changes edges, or what has no name: things that stand elsewhere look like that."""
         return any(t.generic or t.kind in ("flow", "scene") for t in self.terms if t.candidate in best.causes)
@@ -135,7 +154,7 @@ class Search:
         """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures.
         Registration without its cause hides each of them behind all the others."""
         members = first.evidence.members
-        causes = {c: i for c, i in members.items() if any(self.terms[k].kind in ("flow", "scene") for k in i)}
+        causes = {c: i for c, i in members.items() if self.moving(i)}
         found = approaches(self, causes)[:MOVES]
         nearest = [a for a in found if a.gain > RIVAL * found[0].gain]
         return [Start(first.evidence.best((a.cause,), {}), a.at) for a in nearest]
@@ -158,6 +177,10 @@ class Search:
         h = next(single, None)
         return None if h is None else Start(h, self._beginning(h, first))
 
+    def moving(self, index: np.ndarray) -> bool:
+        """Whether terms let something stand elsewhere."""
+        return any(self.terms[i].kind in ("flow", "scene") for i in index)
+
     def start_of(self, h: Hypothesis, stand: Stand) -> np.ndarray:
         """Where a hypothesis is followed from at a stand."""
         members = {c: stand.evidence.members[c] for c in h.causes}
@@ -166,7 +189,7 @@ class Search:
     def _beginning(self, h: Hypothesis, first: Stand) -> np.ndarray:
         """What moves is looked for from the scene as written, as registration without it has moved another thing."""
         members = {c: first.evidence.members[c] for c in h.causes}
-        if any(self.terms[i].kind in ("flow", "scene") for index in members.values() for i in index):
+        if any(self.moving(index) for index in members.values()):
             return np.zeros(self.q)
         return self.start_of(h, first)
 
@@ -222,13 +245,7 @@ class Search:
         best, step, aim = -np.inf, 1.0, at
         here, spike = at, np.zeros(self.q)
         for _ in range(REFINEMENTS):
-            model = self.model(at, at)
-            parts = []
-            for c in self.conditions:
-                state = model.state(c, self.stride)
-                if state.usable.any():
-                    near[c.name] = sensitivities(state, terms, near.get(c.name), redrawn)
-                    parts.append(equations(state, terms, at[own], drawn=near[c.name]))
+            parts, near = self._linearised(self.model(at, at), terms, at[own], near, redrawn)
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
             if found is None or found.score < best:  # too far: half the way from where it was better
@@ -311,8 +328,8 @@ class Search:
         """What a cause changes in each condition."""
         without, own = model.without(index), [self.terms[i] for i in index]
         chain = any(t.kind == "chain" for t in own)
-        out = {}
-        for c in self.conditions:
+
+        def changed_in(c: Condition) -> Changed:
             state = model.state(c, self.stride)
             change = added(state, own, (model.theta - model.at)[index])
             moved, bend = {}, None
@@ -326,8 +343,10 @@ class Search:
                     bend = np.asarray(there - added(state, own, model.at[index]), np.float32)
                 if chain:
                     moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
-            out[c.name] = Changed(np.asarray(change, np.float32), moved, bend)
-        return out
+            return Changed(np.asarray(change, np.float32), moved, bend)
+
+        found = each(changed_in, self.conditions)
+        return {c.name: change for c, change in zip(self.conditions, found, strict=True)}
 
     def stand(
         self,
@@ -343,30 +362,31 @@ class Search:
         at_all = np.append(at, np.zeros(len(forms)))
         model = self.model(at, at)
         anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
-        parts, now = [], {}
-        for k, condition in enumerate(self.conditions):
+
+        def of(condition: Condition) -> tuple[NormalEquations, Sensitivities] | None:
             state = model.state(condition, self.stride, symmetric=True)
             if not state.usable.any():
-                continue
-            before = kept.get(condition.name)
-            drawn = sensitivities(state, self.terms, before, anew)
-            now[condition.name] = drawn
+                return None
+            drawn = sensitivities(state, self.terms, kept.get(condition.name), anew)
             doubted = doubt(list(changes.values()), state)
             bends = [change[condition.name].bend for change in changes.values()]
             straight = np.zeros_like(state.signal)
-            parts.append(
-                equations(
-                    state,
-                    every,
-                    at_all,
-                    doubted,
-                    drawn.and_also(state, forms),
-                    [straight if b is None else b for b in bends],
-                )
+            found = equations(
+                state,
+                every,
+                at_all,
+                doubted,
+                drawn.and_also(state, forms),
+                [straight if b is None else b for b in bends],
             )
-            self.told(what, (k + 1) / len(self.conditions))
+            return found, drawn
+
+        told = each(of, self.conditions, lambda share: self.told(what, share))
+        found = {c.name: x for c, x in zip(self.conditions, told, strict=True) if x is not None}
+        parts = tuple(equations for equations, _ in found.values())
+        now = {name: drawn for name, (_, drawn) in found.items()}
         if not parts:
             raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
         evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
         self.widths.first(evidence.spike[: self.q])
-        return Stand(tuple(every), at, evidence, tuple(parts), tuple(evidence.search()), now)
+        return Stand(tuple(every), at, evidence, parts, tuple(evidence.search()), now)

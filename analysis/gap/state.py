@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, mean_dn
 from analysis.gap.fine_optics import FineOptics, told_apart
 from analysis.gap.knots import Change, Knots
+from analysis.gap.parallel import own_property
 from analysis.gap.radiance import FINE, Changes, Rendered
 from analysis.gap.views import Views, Way, seen
 from interchange.camera import Camera
@@ -77,11 +77,11 @@ class State:
             return dn
         return dn.mean(axis=2, keepdims=True) if wanted == 1 else np.repeat(dn, 3, axis=2)
 
-    @cached_property
+    @own_property
     def radiance(self) -> np.ndarray:
         return self.shown.radiance(self.condition.scene)
 
-    @cached_property
+    @own_property
     def simulation(self) -> Expected:
         return self.moved.simulated(self._rest)
 
@@ -104,15 +104,15 @@ class State:
         there = self.views.beside(way)
         return self._mean(there, there.radiance(self.condition.scene), self.plain, self._rest)
 
-    @cached_property
+    @own_property
     def residual(self) -> np.ndarray:
         return self.take(self.condition.mean - self.simulation.dn)
 
-    @cached_property
+    @own_property
     def usable(self) -> np.ndarray:
         return self.take(self.condition.compared)
 
-    @cached_property
+    @own_property
     def per_radiance(self) -> np.ndarray:
         """(h, w, C): DN per radiance at each pixel, taken as if each pixel were alone."""
         one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.plain, passes=self.shown.passes)
@@ -120,7 +120,7 @@ class State:
         difference = mean_dn(one, self.plain, self._rest) - mean_dn(none, self.plain, self._rest)
         return self.take(self.channels(difference))
 
-    @cached_property
+    @own_property
     def lamps(self) -> dict[str, np.ndarray]:
         """(h, w, C) DN that each lamp which is on gives."""
         out = {}
@@ -130,12 +130,12 @@ class State:
                 out[name] = self.per_radiance * L
         return out
 
-    @cached_property
+    @own_property
     def signal(self) -> np.ndarray:
         """(h, w, C) DN above black."""
         return self.per_radiance * self.channels(self.take(self.radiance))
 
-    @cached_property
+    @own_property
     def gradient(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w, C) DN/px along columns and along rows; on the finer grid by what a step of it changes each way, as the
         differences of neighbouring pixels are not the slope of an edge between them."""
@@ -148,7 +148,7 @@ class State:
         ]
         return slopes[0], slopes[1]
 
-    @cached_property
+    @own_property
     def curvature(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w, C) DN/px²: second derivatives along columns and along rows, by the same steps."""
         if not self.base.fine:
@@ -163,7 +163,7 @@ class State:
         ]
         return both[0], both[1]
 
-    @cached_property
+    @own_property
     def twist(self) -> np.ndarray:
         """(h, w, C) DN/px²: the mixed second derivative."""
         if not self.base.fine:
@@ -171,7 +171,7 @@ class State:
         same, other = (self._beside((1, v)) + self._beside((-1, -v)) for v in (1, -1))
         return self.take((same - other) * np.float32(FINE**2 / 4))
 
-    @cached_property
+    @own_property
     def symmetric_gradient(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w, C) DN/px: the mean of both gradients near edges, the simulation's where the capture's is noise."""
         e, c = self.simulation, self.condition
@@ -182,14 +182,14 @@ class State:
         half = 0.5 * steep / (steep + 9 * noise)
         return self.take(dx + half * (real_x - dx)), self.take(dy + half * (real_y - dy))
 
-    @cached_property
+    @own_property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w) column and row of every pixel that is taken."""
         h, w = self.condition.mean.shape[:2]
         column, row = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
         return self.take(column), self.take(row)
 
-    @cached_property
+    @own_property
     def source(self) -> tuple[np.ndarray, np.ndarray]:
         """(h, w) column and row that every pixel which is taken shows of what was rendered."""
         if self.flow is None:
@@ -197,7 +197,7 @@ class State:
         flow = self.take(self.flow).astype(np.float32)
         return self.grid[0] - flow[..., 0], self.grid[1] - flow[..., 1]
 
-    @cached_property
+    @own_property
     def position(self) -> np.ndarray:
         """(h, w, 3) m in the world; far away on the pixel's ray where nothing is seen, on the axis where the lens
         images nothing: one NaN would spread into every mean."""
@@ -209,12 +209,12 @@ class State:
             seen = np.where(np.isnan(seen), origin + 1e4 * direction, seen)
         return seen
 
-    @cached_property
+    @own_property
     def in_camera(self) -> np.ndarray:
         """(h, w, 3) m in the camera's frame."""
         return apply(self.camera.camera_from_world, self.position)
 
-    @cached_property
+    @own_property
     def normal(self) -> np.ndarray:
         return np.nan_to_num(self.take(self.shown.passes["normal"]))
 

@@ -8,6 +8,7 @@
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
+from threading import Lock
 
 import numpy as np
 
@@ -77,17 +78,20 @@ def _shifted_by(s: State, parameter: str) -> np.ndarray:
     """(h, w, 3, 2) px a unit; conditions of one camera share it."""
     now, size = s.optics.lateral, s.camera.sensor.resolution
     key = (now, parameter, size, s.stride, s.camera.K.tobytes())
-    if key not in _shifts:
-        ends = [
-            replace(now, **{parameter: getattr(now, parameter) + x}).shifts(s.camera) for x in (SMALL, -SMALL)
-        ]
-        _shifts[key] = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
-        while len(_shifts) > KEPT:
-            _shifts.popitem(last=False)
-    return _shifts[key]
+    with _keeping:
+        if key not in _shifts:
+            ends = [
+                replace(now, **{parameter: getattr(now, parameter) + x}).shifts(s.camera)
+                for x in (SMALL, -SMALL)
+            ]
+            _shifts[key] = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
+            while len(_shifts) > KEPT:
+                _shifts.popitem(last=False)
+        return _shifts[key]
 
 
 _shifts: OrderedDict[tuple[object, ...], np.ndarray] = OrderedDict()
+_keeping = Lock()
 
 
 def _blurred(s: State) -> np.ndarray:

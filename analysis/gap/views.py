@@ -6,13 +6,14 @@ Conditions that differ in the lamps' intensities and the exposure alone share it
 import hashlib
 from collections import OrderedDict
 from dataclasses import replace
-from functools import cached_property
+from threading import Lock, RLock
 
 import cv2
 import numpy as np
 
 from analysis.gap.fine_optics import SHARP, Blur, blurred
 from analysis.gap.knots import Change
+from analysis.gap.parallel import own_property
 from analysis.gap.radiance import FINE, Rendered, means, pixels
 from interchange.filtering import resample
 
@@ -31,20 +32,27 @@ class Views:
     def __init__(self, base: Rendered, flow: np.ndarray | None, changes: Changes, blur: Blur = SHARP) -> None:
         self.base, self.flow, self.changes, self.blur = base, flow, changes, blur
         self._beside: dict[Way, Rendered] = {}
+        self._drawing = RLock()  # conditions that share it wait for what another draws
 
-    @cached_property
+    @property
     def here(self) -> Rendered:
+        with self._drawing:
+            return self._here
+
+    @own_property
+    def _here(self) -> Rendered:
         if self.base.fine and (self.flow is not None or self.blur != SHARP):
             return self._finely([HERE])[HERE]
         return self._changed(self._moved(), HERE)
 
     def beside(self, way: Way) -> Rendered:
         """``way`` further; of a base with a finer grid."""
-        if way not in self._beside:
-            self._beside |= self._finely(ACROSS if way in ACROSS else DIAGONAL)
-        return self._beside[way]
+        with self._drawing:
+            if way not in self._beside:
+                self._beside |= self._finely(ACROSS if way in ACROSS else DIAGONAL)
+            return self._beside[way]
 
-    @cached_property
+    @own_property
     def _added(self) -> dict[str, np.ndarray]:
         """(H, W, 3) of each lamp whose light changes, where the scene says."""
         names = dict.fromkeys(name for _, change in self.changes for name in change.lamps)
@@ -109,15 +117,17 @@ def seen(base: Rendered, flow: np.ndarray | None, changes: Changes = (), blur: B
     """The last ``KEPT`` are kept."""
     moved = "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest()
     key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes), blur)
-    if key not in _kept:
-        _kept[key] = Views(base, flow, changes, blur)
-        while len(_kept) > KEPT:
-            _kept.popitem(last=False)
-    _kept.move_to_end(key)
-    return _kept[key]
+    with _keeping:
+        if key not in _kept:
+            _kept[key] = Views(base, flow, changes, blur)
+            while len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        _kept.move_to_end(key)
+        return _kept[key]
 
 
 _kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur], Views] = OrderedDict()
+_keeping = Lock()
 
 
 def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:

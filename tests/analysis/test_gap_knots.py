@@ -1,5 +1,6 @@
 """Terms that must be rendered, against renderings of the changed scene; bench of 128 x 96 px."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, SPOTS, Knots
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import GRID, IN_PLACES, material_terms
+from analysis.gap.parallel import each
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term, added
 from interchange.captures import Tolerances
@@ -149,6 +151,25 @@ def test_what_was_rendered_is_read_from_disk(
         a, b = term.field(State(found[0])), terms[term.key].field(State(found[0]))
         assert (a is None and b is None) or np.array_equal(a, b)
     assert again.rendered == 0
+
+
+def test_threads_see_the_same_drawn_by_the_context_s_own(
+    found: list[Condition],
+    knots: Knots,
+    rasterizer: Rasterizer,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
+    moved = [((ObjectPose(x=x), BRACKET),) for x in (0.7, -0.7)]
+    there = Knots(tmp_path, lambda: rasterizer)
+    both = each(lambda c: [there.change(c.shown, m) for m in moved], found)
+    for c, changes in zip(found, both, strict=True):
+        for change, m in zip(changes, moved, strict=True):
+            alone = knots.change(c.shown, m)
+            assert change.lamps.keys() == alone.lamps.keys()
+            assert all(np.array_equal(plane, alone.lamps[n]) for n, plane in change.lamps.items())
+    assert 0 < there.rendered < 3 * 2 * len(found)
 
 
 def test_a_lamps_colour_is_linear(found: list[Condition]) -> None:
