@@ -11,6 +11,7 @@ from interchange.problems import BrightfieldError
 
 OVERLAP = 0.2  # least correlation of captures and simulation that a diagnosis can start from
 STRUCTURE = 3.0  # a simulation's spread over its noise, from which a correlation says something
+STEEPEST = 99.0  # %, of slopes in DN/px that are edges
 FAR, SURE = 1.5, 0.1  # px that registration follows; least response of a phase correlation that is believed
 
 
@@ -40,10 +41,13 @@ def shifts(found: Sequence[Condition]) -> dict[str, float]:
         if not c.lamps or min(c.mean.shape[:2]) < 32:
             continue
         window = cv2.createHanningWindow(c.mean.shape[1::-1], cv2.CV_32F)
+        simulated = c.simulated()
         planes = []
-        for image in (c.mean, c.simulated().dn):
+        for image in (c.mean, simulated.dn):
             gy, gx = np.gradient(cv2.GaussianBlur(image.mean(axis=2).astype(np.float32), (0, 0), 1.5))
             planes.append(np.hypot(gx, gy).astype(np.float32))
+        if np.percentile(planes[1], STEEPEST) < np.sqrt(simulated.variance.mean()):
+            continue  # no edge that noise does not hide: a pattern of the sensor would be all that is followed
         (dx, dy), response = cv2.phaseCorrelate(planes[1], planes[0], window)
         if response > SURE:
             own.setdefault(c.camera.name, []).append((dx, dy))
