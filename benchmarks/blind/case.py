@@ -1,17 +1,22 @@
 """One case from its plan: causes by lot, amplitudes for the severities asked for, captures and their label."""
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.blind import chain, proposals, truth, usd
+from benchmarks.blind import chain, errors, proposals, truth, usd
+from benchmarks.blind.apart import errors as apart_errors
+from benchmarks.blind.apart import proposals as apart_proposals
+from benchmarks.blind.apart import world as apart_world
 from benchmarks.blind.bench import Bench, Shot
 from benchmarks.blind.chain import Cause
-from benchmarks.blind.errors import Tolerances, disturbed, draw
+from benchmarks.blind.errors import Tolerances
 from benchmarks.blind.picture import write_png
+from benchmarks.blind.proposals import Proposal
 from benchmarks.blind.scenes import scene
 from benchmarks.blind.severity import OutOfReach, severity, solve
 from benchmarks.blind.strata import SCENES, Plan
@@ -36,18 +41,21 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     """Writes the case and returns its label; captures.json is the last file."""
     nominal = scene(plan.scene, settings.size)
     tolerances = Tolerances()
-    world = np.random.default_rng([settings.seed, SCENES.index(plan.scene), plan.world])
+    key = [settings.seed, SCENES.index(plan.scene), plan.world]
+    world = np.random.default_rng([*key, 1] if plan.apart else key)
+    disturbed = apart_world.disturbed if plan.apart else errors.disturbed
     bench = disturbed(nominal, tolerances, world)
     shots = tuple(replace(s, repeats=plan.repeats) if s.repeats > 2 else s for s in nominal.shots)
     bench, nominal = replace(bench, shots=shots), replace(nominal, shots=shots)
     rng = np.random.default_rng(plan.seed)
-    errors = draw(bench, tolerances, rng, plan.scale)
+    drawn = (apart_errors.draw if plan.apart else errors.draw)(bench, tolerances, rng, plan.scale)
     quality = Quality(settings.samples, settings.fine)
     seed = int(world.integers(1 << 30))
-    fine = truth.Setup(bench, errors, quality, seed, settings.cache, plan.filter)
+    fine = truth.Setup(bench, drawn, quality, seed, settings.cache, plan.filter)
     pilot = replace(fine, quality=Quality(9, 1), filter="box")
     still = truth.means(pilot, []) if plan.effects else []
-    causes = [_cause(name, s, fine, pilot, still, rng) for name, s in plan.effects]
+    way = apart_proposals if plan.apart else proposals
+    causes = [_cause(name, s, way.propose, fine, pilot, still, rng) for name, s in plan.effects]
     without = truth.means(fine, [])
     causes = [
         c if s == 0 else _refined(c, s, fine, without) for c, (_, s) in zip(causes, plan.effects, strict=True)
@@ -56,10 +64,10 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     well = bench.sensor.full_well
     effects = [
         {
-            **asdict(c),
+            **told(c, plan.apart),
             "wanted": s,
             "severity": severity(without, truth.means(fine, [c]), well) if len(causes) > 1 else None,
-            "parameters": proposals.parameters(c, bench),
+            "parameters": way.parameters(c, bench),
         }
         for c, (_, s) in zip(causes, plan.effects, strict=True)
     ]
@@ -68,14 +76,20 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     _write(folder, nominal, tolerances, fine, causes, mean, rng)
     return {
         "case": plan.case, "stratum": plan.stratum, "scene": plan.scene, "world": plan.world, "seed": plan.seed,
-        "scale": plan.scale, "filter": plan.filter, "repeats": plan.repeats, "effects": effects,
+        "apart": plan.apart, "scale": plan.scale, "filter": plan.filter, "repeats": plan.repeats, "effects": effects,
         "severity": severity(without, mean, well),
     }  # fmt: skip
+
+
+def told(cause: Cause, apart: bool) -> dict[str, Any]:
+    """Of apart/ a label does not say which form it is, nor its numbers: the set's seed binds them all the same."""
+    return {"name": cause.name, "form": "apart", "place": ""} if apart else asdict(cause)
 
 
 def _cause(
     name: str,
     wanted: float,
+    propose: Callable[[str, Bench, np.random.Generator], Proposal],
     fine: truth.Setup,
     pilot: truth.Setup,
     still: list[np.ndarray],
@@ -84,7 +98,7 @@ def _cause(
     """Drawn again where the severity is out of its reach, or where it would be seen itself."""
     bench = fine.bench
     for _ in range(TRIES):
-        p = proposals.propose(name, bench, rng)
+        p = propose(name, bench, rng)
         if p.cause.form in chain.NOISE or p.cause.form == "steps":
             return p.cause.at(p.start)
 
@@ -114,7 +128,7 @@ def _refined(cause: Cause, wanted: float, fine: truth.Setup, without: list[np.nd
         s = severity(without, truth.means(fine, [cause]), fine.bench.sensor.full_well)
         if s == 0 or abs(s / wanted - 1) < CLOSE:
             break
-        power = 2.0 if cause.form in chain.FINE else 1.0
+        power = 2.0 if cause.form in chain.ALL["fine"] else 1.0
         cause = cause.at(cause.amplitude * (wanted / s) ** (1 / power))
     return cause
 
@@ -127,9 +141,9 @@ def _write(
     usd.write_scene(nominal, folder / "scene.usda")
     entries = []
     for shot, mean in zip(nominal.shots, means, strict=True):
-        for _ in range(shot.repeats):
+        for repeat in range(shot.repeats):
             name = f"images/{len(entries):03d}.png"
-            write_png(folder / name, truth.capture(setup, causes, shot, mean, rng))
+            write_png(folder / name, truth.capture(setup, causes, shot, mean, rng, repeat))
             entries.append(_entry(nominal, shot, name))
     head = {"scene": "scene.usda", "tolerances": tolerances.as_dict(), "captures": entries}
     beside = folder / ".captures.json"

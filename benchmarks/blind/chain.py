@@ -5,52 +5,28 @@ numbers that do not scale). It acts at one place of the chain, ``STAGE``:
 
 | stage | gets |
 |---|---|
+| layer | one lamp's light on the fine grid, and what each fine pixel looks at |
 | flow | px coordinates of the sensor, one channel: where in the scene's image a pixel looks |
 | fine | the image on the fine grid, (h, w, 3) |
 | optics | irradiance on the pixels, in electrons |
 | sensor | mean electrons, and the exposure s |
 | readout | DN above black over the highest, without noise |
+| series | mean electrons of all shots in their order |
 | noise | nothing of the mean: it changes how the image is drawn |
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cv2
 import numpy as np
 
-Image = np.ndarray
-Shape = dict[str, Any]
+from benchmarks.blind.apart import forms as apart
+from benchmarks.blind.bench import Bench, Lamp, Shot
+from benchmarks.blind.cause import Cause, Frame, Image, Shape
+from benchmarks.blind.kernels import filtered, keys, spread, square
 
-
-@dataclass(frozen=True)
-class Cause:
-    name: str
-    form: str
-    amplitude: float = 0.0
-    shape: Shape = field(default_factory=dict)
-    place: str = ""  # what it is about: a lamp, a material, a part
-
-    def at(self, amplitude: float) -> "Cause":
-        return replace(self, amplitude=float(amplitude))
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Normalised coordinates of a sensor: ``x``, ``y`` (h, w), half the diagonal is 1."""
-
-    size: tuple[int, int]
-
-    @property
-    def half(self) -> float:
-        return float(np.hypot(*self.size) / 2)
-
-    @property
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        w, h = self.size
-        c, r = np.meshgrid(np.arange(w, dtype=float), np.arange(h, dtype=float))
-        return (c - (w - 1) / 2) / self.half, (r - (h - 1) / 2) / self.half
+__all__ = ["Cause", "Frame"]  # told here as well
 
 
 # ---- flow: normalised coordinates of the pixel -> of the source
@@ -79,31 +55,22 @@ def _wedge_colors(x: Image, y: Image, channel: int, a: float, s: Shape) -> tuple
 # ---- fine: kernels on the fine grid; lengths in fine px
 
 
-def _filtered(image: Image, kernel: np.ndarray) -> Image:
-    return cv2.filter2D(image, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE)
-
-
-def _square(n: float) -> tuple[np.ndarray, np.ndarray]:
-    m = int(np.ceil(n))
-    return np.meshgrid(np.arange(-m, m + 1, dtype=float), np.arange(-m, m + 1, dtype=float))
-
-
 def _pillbox(image: Image, a: float, s: Shape) -> Image:
     """A disc, as geometrical optics has a lens out of focus; its rim is antialiased."""
     radius = a * s["fine"]
     sub = (np.arange(5) - 2) / 5
-    x, y = _square(radius + 1)
+    x, y = square(radius + 1)
     kernel = sum((np.hypot(x + i, y + j) <= radius).astype(float) for i in sub for j in sub)
     if radius < 0.5:  # smaller than a fine pixel: the same second moment
         return _two_gaussians(image, a / 2, {**s, "share": 0.0})
-    return _filtered(image, np.asarray(kernel))
+    return filtered(image, np.asarray(kernel))
 
 
 def _two_gaussians(image: Image, a: float, s: Shape) -> Image:
     """A core and a skirt 2.5 times as wide; the rms radius per axis is a px."""
     share = s.get("share", 0.15)
     core = a * s["fine"] / np.sqrt(1 - share + share * 6.25)
-    x, y = _square(max(4 * 2.5 * core if share else 4 * core, 2))
+    x, y = square(max(4 * 2.5 * core if share else 4 * core, 2))
     r2 = x * x + y * y
     core = max(core, 1e-3)
     kernel = (1 - share) * np.exp(-r2 / 2 / core**2) / core**2
@@ -111,15 +78,7 @@ def _two_gaussians(image: Image, a: float, s: Shape) -> Image:
     if core < 0.7:  # too narrow to be sampled: by its second moment alone
         v = (a * s["fine"]) ** 2 / 2
         kernel = np.array([[0, v, 0], [v, 1 - 4 * v, v], [0, v, 0]])
-    return _filtered(image, kernel)
-
-
-def _keys(t: float) -> np.ndarray:
-    """Weights of the pixels at -1, 0, 1, 2 for a place t in [0, 1): they blur nothing, where linear ones add the
-    variance t (1 - t). Keys: Cubic convolution interpolation. IEEE ASSP 1981."""
-    return 0.5 * np.array([
-        -t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3
-    ])  # fmt: skip
+    return filtered(image, kernel)
 
 
 def _smear(image: Image, a: float, s: Shape) -> Image:
@@ -128,13 +87,13 @@ def _smear(image: Image, a: float, s: Shape) -> Image:
     along = a * s["fine"] * (t + s["speed"] * (t * t - 1 / 12))
     across = 0.15 * a * s["fine"] * (t * t - 1 / 12)
     c, q = np.cos(s["angle"]), np.sin(s["angle"])
-    x, _y = _square(a * s["fine"] * 0.7 + 2)
+    x, _y = square(a * s["fine"] * 0.7 + 2)
     kernel = np.zeros_like(x)
     m = x.shape[0] // 2
     for u, v in zip(c * along - q * across, q * along + c * across, strict=True):
         i, j = int(np.floor(v)), int(np.floor(u))
-        kernel[m + i - 1 : m + i + 3, m + j - 1 : m + j + 3] += np.outer(_keys(v - i), _keys(u - j))
-    return _filtered(image, kernel)
+        kernel[m + i - 1 : m + i + 3, m + j - 1 : m + j + 3] += np.outer(keys(v - i), keys(u - j))
+    return filtered(image, kernel)
 
 
 # ---- optics, on electrons
@@ -156,16 +115,8 @@ def _mechanical(E: Image, a: float, s: Shape, f: Frame) -> Image:
 
 def _power_law(E: Image, a: float, s: Shape, f: Frame) -> Image:
     """A share a of the light is spread by (1 + r²/r0²)^-p; what falls beside the sensor is lost."""
-    w, h = f.size
-    shape = (2 * h, 2 * w)
-    i = np.minimum(np.arange(shape[0]), shape[0] - np.arange(shape[0]))
-    j = np.minimum(np.arange(shape[1]), shape[1] - np.arange(shape[1]))
-    r0 = s["r0"] * w
-    k = (1 + (i[:, None] ** 2 + j[None, :] ** 2) / r0**2) ** -s["p"]
-    k /= k.sum()
-    spectrum = np.fft.rfft2(k)[..., None]
-    spread = np.fft.irfft2(np.fft.rfft2(E, shape, axes=(0, 1)) * spectrum, shape, axes=(0, 1))[:h, :w]
-    return (1 - a) * E + a * spread
+    r0 = s["r0"] * f.size[0]
+    return (1 - a) * E + a * spread(E, lambda r2: (1 + r2 / r0**2) ** -s["p"])
 
 
 def _ghost(E: Image, a: float, s: Shape, f: Frame) -> Image:
@@ -283,42 +234,70 @@ READOUT: dict[str, Callable[..., Image]] = {
 }  # fmt: skip
 NOISE = ("read noise", "gain error", "uneven pixels", "uneven columns")
 FORMS = {**FLOW, **FINE, **OPTICS, **SENSOR, **READOUT}
+# with the forms of apart/, by stage; ``layer`` and ``series`` have none but those
+ALL: dict[str, dict[str, Callable[..., Any]]] = {
+    stage: {**first, **apart.STAGES.get(stage, {})}
+    for stage, first in (
+        ("flow", FLOW), ("fine", FINE), ("optics", OPTICS), ("sensor", SENSOR), ("readout", READOUT),
+        ("layer", {}), ("series", {}),
+    )
+}  # fmt: skip
+SKY = ("sky", *apart.SKY)  # light of the surroundings
+COLORED = {"wedge colours", *apart.COLORED}  # flows that differ from channel to channel
 
 
 def is_chain(cause: Cause) -> bool:
-    return cause.form in FORMS or cause.form in NOISE
+    return cause.form in NOISE or any(cause.form in forms for forms in ALL.values())
+
+
+def acting(causes: Sequence[Cause], stage: str) -> list[tuple[Callable[..., Any], Cause]]:
+    return [(ALL[stage][c.form], c) for c in causes if c.form in ALL[stage] and c.amplitude]
+
+
+def layer(
+    causes: Sequence[Cause],
+    found: dict[str, Image],
+    where: dict[str, Image],
+    bench: Bench,
+    lamp: Lamp | None,
+) -> dict[str, Image]:
+    """``found``, ``where``: as ``tracing`` gives them; ``lamp`` None: the surroundings."""
+    for form, c in acting(causes, "layer"):
+        found = form(found, where, bench, lamp, c)
+    return found
 
 
 def flow(causes: Sequence[Cause], x: Image, y: Image, channel: int) -> tuple[Image, Image]:
-    for c in causes:
-        if c.form in FLOW and c.amplitude:
-            x, y = FLOW[c.form](x, y, channel, c.amplitude, c.shape)
+    for form, c in acting(causes, "flow"):
+        x, y = form(x, y, channel, c.amplitude, c.shape)
     return x, y
 
 
 def fine(causes: Sequence[Cause], image: Image, factor: int) -> Image:
-    for c in causes:
-        if c.form in FINE and c.amplitude:
-            image = FINE[c.form](image, c.amplitude, {**c.shape, "fine": factor})
+    for form, c in acting(causes, "fine"):
+        image = form(image, c.amplitude, {**c.shape, "fine": factor})
     return image
 
 
 def optics(causes: Sequence[Cause], E: Image, frame: Frame) -> Image:
-    for c in causes:
-        if c.form in OPTICS and c.amplitude:
-            E = OPTICS[c.form](E, c.amplitude, c.shape, frame)
+    for form, c in acting(causes, "optics"):
+        E = form(E, c.amplitude, c.shape, frame)
     return E
 
 
 def sensor(causes: Sequence[Cause], e: Image, t: float, frame: Frame) -> Image:
-    for c in causes:
-        if c.form in SENSOR and c.amplitude:
-            e = SENSOR[c.form](e, t, c.amplitude, c.shape, frame)
+    for form, c in acting(causes, "sensor"):
+        e = form(e, t, c.amplitude, c.shape, frame)
     return e
 
 
 def readout(causes: Sequence[Cause], v: Image, frame: Frame) -> Image:
-    for c in causes:
-        if c.form in READOUT and c.amplitude:
-            v = READOUT[c.form](v, c.amplitude, c.shape, frame)
+    for form, c in acting(causes, "readout"):
+        v = form(v, c.amplitude, c.shape, frame)
     return v
+
+
+def series(causes: Sequence[Cause], shots: Sequence[Shot], means: list[Image]) -> list[Image]:
+    for form, c in acting(causes, "series"):
+        means = form(shots, means, c.amplitude, c.shape)
+    return means

@@ -1,11 +1,15 @@
-"""Calibration errors that every case has, nulls too, within what captures.json declares."""
+"""Calibration errors that every case has, nulls too, within what captures.json declares.
+
+``CalibrationErrors`` is what the truth asks of either way of drawing them; ``Errors`` is the first way.
+"""
 
 from dataclasses import asdict, dataclass, replace
+from typing import Protocol
 
 import cv2
 import numpy as np
 
-from benchmarks.blind.bench import Bench, Eye
+from benchmarks.blind.bench import Bench, Eye, Shot
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,28 @@ def turned_eye(eye: Eye, turn: np.ndarray, shift: np.ndarray) -> Eye:
     return replace(eye, position=tuple(position), rotation=tuple(tuple(map(float, r)) for r in rotation))
 
 
+class CalibrationErrors(Protocol):
+    """Of one case. ``moment``: images of one camera at one moment lie alike on its sensor."""
+
+    def moment(self, shot: Shot) -> int: ...
+
+    def moves(self, eye: int, moment: int) -> bool: ...
+
+    def moved(
+        self, eye: int, moment: int, x: np.ndarray, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]: ...  # px from the middle: where the scene's image is looked up
+
+    def lamp(self, k: int, shot: Shot) -> np.ndarray: ...  # (3,) gain
+
+    def reflectance(self, bench: Bench, where: dict[str, np.ndarray]) -> np.ndarray: ...  # (h, w, 3) gain
+
+    def field(self, shot: Shot) -> np.ndarray: ...  # gain over the sensor
+
+    def pixel_gain(self, shot: Shot, repeat: int) -> np.ndarray: ...  # (h, w, 3)
+
+    def offset(self, shot: Shot, repeat: int) -> np.ndarray | float: ...  # DN
+
+
 @dataclass(frozen=True, eq=False)
 class Errors:
     """Of one case. ``registration`` {eye: (2, 3) affine px}, ``flat`` {eye: (h, w)}, ``lamps`` (n,),
@@ -89,6 +115,38 @@ class Errors:
     albedo: dict[str, np.ndarray]
     black: dict[int, float]
     pixels: dict[int, np.ndarray]
+
+    def moment(self, shot: Shot) -> int:
+        return 0
+
+    def moves(self, eye: int, moment: int) -> bool:
+        return bool(self.registration[eye].any())
+
+    def moved(self, eye: int, moment: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        affine = self.registration[eye]
+        return (
+            x + affine[0, 0] * x + affine[0, 1] * y + affine[0, 2],
+            y + affine[1, 0] * x + affine[1, 1] * y + affine[1, 2],
+        )
+
+    def lamp(self, k: int, shot: Shot) -> np.ndarray:
+        return self.lamps[k] * np.ones(3)
+
+    def reflectance(self, bench: Bench, where: dict[str, np.ndarray]) -> np.ndarray:
+        gain = np.ones((len(bench.parts) + 1, 3), np.float32)
+        for k, part in enumerate(bench.parts):
+            if part.matter in self.albedo:
+                gain[k] = self.albedo[part.matter]
+        return gain[where["part"]]  # -1 is the last: nothing there
+
+    def field(self, shot: Shot) -> np.ndarray:
+        return self.flat[shot.eye][..., None]
+
+    def pixel_gain(self, shot: Shot, repeat: int) -> np.ndarray:
+        return self.pixels[shot.eye]
+
+    def offset(self, shot: Shot, repeat: int) -> np.ndarray | float:
+        return self.black[shot.eye]
 
 
 def draw(bench: Bench, t: Tolerances, rng: np.random.Generator, scale: float = 1.0) -> Errors:

@@ -59,6 +59,9 @@ def main() -> None:
     p.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES)
     p.add_argument("--size", type=int, nargs=2, help="px of all captures (default: each scene's own)")
     p.add_argument("--samples", type=int, default=25, help="of a ninth of a pixel; a square number")
+    p.add_argument(
+        "--apart", type=float, default=0.0, metavar="SHARE", help="of cases with errors and forms of apart/"
+    )
     p.add_argument("--workers", type=int, default=1)
     p.add_argument("--nice", type=int, default=10)
     args = p.parse_args()
@@ -87,6 +90,7 @@ def main() -> None:
         tuple(s / 100 for s in args.severities),
         given or None,
         tuple(args.scenes),
+        args.apart,
     )
     work = [x for x in todo if not (parts / f"{x.case}.json").is_file()]
     from benchmarks.blind.scene_causes import RENDERED

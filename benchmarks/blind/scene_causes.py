@@ -5,38 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.blind.apart.scene import RENDERED as APART
 from benchmarks.blind.bench import Bench, Matter, Part
-from benchmarks.blind.chain import Cause
+from benchmarks.blind.cause import Cause
 from benchmarks.blind.errors import turned_eye
+from benchmarks.blind.scene_changes import of_lamps, of_matter, of_part
 from benchmarks.blind.solids import box
-
-
-def _matter(bench: Bench, name: str, change: Callable[[Matter], Matter]) -> Bench:
-    return replace(bench, matters=tuple(change(m) if m.name == name else m for m in bench.matters))
-
-
-def _lamps(bench: Bench, place: str, **changes: Callable[[object], object]) -> Bench:
-    def changed(lamp):  # type: ignore[no-untyped-def]
-        if place and lamp.name != place:
-            return lamp
-        return replace(lamp, **{k: f(lamp) for k, f in changes.items()})
-
-    return replace(bench, lamps=tuple(changed(x) for x in bench.lamps))
 
 
 def light_position(bench: Bench, c: Cause) -> Bench:
     d = c.amplitude * np.array(c.shape["direction"])
-    return _lamps(bench, c.place, position=lambda x: tuple(np.array(x.position) + d))
+    return of_lamps(bench, c.place, position=lambda x: tuple(np.array(x.position) + d))
 
 
 def light_size(bench: Bench, c: Cause) -> Bench:
-    return _lamps(bench, "", radius=lambda x: x.radius + c.amplitude)
+    return of_lamps(bench, "", radius=lambda x: x.radius + c.amplitude)
 
 
 def light_beam(bench: Bench, c: Cause) -> Bench:
     """Darker off the axis, by a linear and a quadratic term of cos θ."""
     b = (0.9 * c.amplitude, c.shape["second"] * c.amplitude)
-    return _lamps(
+    return of_lamps(
         bench, "", beam=lambda x: b, axis=lambda x: tuple(-np.array(x.position) / np.linalg.norm(x.position))
     )
 
@@ -48,7 +37,7 @@ def albedo(bench: Bench, c: Cause) -> Bench:
         texture = None if m.texture is None else np.clip(m.texture * gain, 0, 0.98).astype(np.float32)
         return replace(m, diffuse=tuple(np.clip(np.array(m.diffuse) * gain, 0, 0.98)), texture=texture)
 
-    return _matter(bench, c.place, change)
+    return of_matter(bench, c.place, change)
 
 
 def gloss(bench: Bench, c: Cause) -> Bench:
@@ -59,7 +48,7 @@ def gloss(bench: Bench, c: Cause) -> Bench:
         lobes = tuple((tuple(np.array(w) * (k * n + 1) / (n + 1)), C, float(k * n)) for w, C, n in m.lobes)
         return replace(m, lobes=lobes, roughness=float(np.clip(m.roughness * k**-0.25, 0.05, 1)))
 
-    return _matter(bench, c.place, change)
+    return of_matter(bench, c.place, change)
 
 
 def anisotropy(bench: Bench, c: Cause) -> Bench:
@@ -71,7 +60,7 @@ def anisotropy(bench: Bench, c: Cause) -> Bench:
         )
         return replace(m, lobes=lobes)
 
-    return _matter(bench, c.place, change)
+    return of_matter(bench, c.place, change)
 
 
 def texture(bench: Bench, c: Cause) -> Bench:
@@ -92,18 +81,7 @@ def texture(bench: Bench, c: Cause) -> Bench:
             stain = noise[..., None]
         return replace(m, texture=np.clip(base * (1 + c.amplitude * stain), 0.001, 0.98).astype(np.float32))
 
-    return _matter(bench, c.place, change)
-
-
-def _part(bench: Bench, place: str, change: Callable[[np.ndarray], np.ndarray]) -> Bench:
-    """Of a body of several parts (all have as many poses) all go together."""
-    body = next(p for p in bench.parts if p.name == place)
-
-    def one(p: Part) -> Part:
-        mine = p.name == place or (len(body.poses) > 1 and len(p.poses) == len(body.poses))
-        return replace(p, poses=tuple(change(M) for M in p.poses)) if mine else p
-
-    return replace(bench, parts=tuple(one(p) for p in bench.parts))
+    return of_matter(bench, c.place, change)
 
 
 def object_pose(bench: Bench, c: Cause) -> Bench:
@@ -119,7 +97,7 @@ def object_pose(bench: Bench, c: Cause) -> Bench:
         out[:3, 3] = M[:3, 3] + M[:3, :3] @ (middle - R @ middle) + d
         return out
 
-    return _part(bench, c.place, change)
+    return of_part(bench, c.place, change)
 
 
 def geometry(bench: Bench, c: Cause) -> Bench:
@@ -160,10 +138,11 @@ RENDERED: dict[str, Callable[[Bench, Cause], Bench]] = {
     for f in (light_position, light_size, light_beam, albedo, gloss, anisotropy, texture, object_pose, geometry,
               camera_pose, occluder)
 }  # fmt: skip
+ALL = {**RENDERED, **APART}
 
 
 def changed(bench: Bench, causes: tuple[Cause, ...] | list[Cause]) -> Bench:
     for c in causes:
-        if c.form in RENDERED and c.amplitude:
-            bench = RENDERED[c.form](bench, c)
+        if c.form in ALL and c.amplitude:
+            bench = ALL[c.form](bench, c)
     return bench

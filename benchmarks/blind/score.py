@@ -6,7 +6,8 @@
 An answer is right where the effects said are those that are there, no more and no fewer, and nothing is called
 unknown beside them. Causes outside the catalogue are right where something is called unknown (or by the one name of
 the contract that fits) and no effect of the catalogue is. A case that failed, or was not run, is wrong. Effects that no
-capture tells apart (``TIED``) are counted strictly, and once more as one.
+capture tells apart (``TIED``) are counted strictly, and once more as one. Of cases made by apart/ no form, place or
+parameter is printed; where a set has both kinds of cases, a table has the main scores of both.
 """
 
 import argparse
@@ -24,7 +25,11 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
 
 from benchmarks.blind import sealing  # noqa: E402
-from benchmarks.blind.proposals import ALSO, OUTSIDE, TIED  # noqa: E402
+from benchmarks.blind.apart.proposals import OUTSIDE as APART_OUTSIDE  # noqa: E402
+from benchmarks.blind.proposals import ALSO, TIED  # noqa: E402
+from benchmarks.blind.proposals import OUTSIDE as FIRST_OUTSIDE  # noqa: E402
+
+OUTSIDE = frozenset({*FIRST_OUTSIDE, *APART_OUTSIDE})
 
 PRESENT, CONFIDENT = 0.5, 0.9
 BINS = 15
@@ -183,6 +188,9 @@ def _wanted(label: dict[str, Any]) -> float:
 def _truth(label: dict[str, Any]) -> str:
     words = []
     for e in label["effects"]:
+        if label.get("apart"):
+            words.append(f"{e['name']} (apart, {100 * (e['severity'] or 0):.2f} %)")
+            continue
         place = f" of {e['place']}" if e["place"] else ""
         words.append(f"{e['name']}{place} ({e['form']}, {100 * (e['severity'] or 0):.2f} %)")
     return " + ".join(words) or "none"
@@ -193,6 +201,50 @@ def _said(a: Answer) -> str:
         return "no answer"
     words = [f"{n} ({p:.2f})" for n, p in sorted(a.said.items(), key=lambda x: -x[1])]
     return " + ".join([*words, *(["unknown"] if a.unknown else [])]) or "none"
+
+
+SIDES: tuple[tuple[str, Any, Any], ...] = (  # score, the cases that it is about, when one counts
+    ("nulls: false alarm", lambda x: x["stratum"] == "null", lambda x, a: alarmed(a)),
+    ("one effect, exact", lambda x: x["stratum"] == "single", lambda x, a: right(x, a)),
+    ("one effect, exact, tied as one", lambda x: x["stratum"] == "single", lambda x, a: right(x, a, True)),
+    ("pair, exact", lambda x: x["stratum"] == "pair", lambda x, a: right(x, a)),
+    ("triple, exact", lambda x: x["stratum"] == "triple", lambda x, a: right(x, a)),
+    ("outside the catalogue: flagged unknown", lambda x: x["stratum"] == "outside", lambda x, a: a.unknown),
+    (
+        "outside the catalogue: and no effect called",
+        lambda x: x["stratum"] == "outside",
+        lambda x, a: right(x, a),
+    ),
+    ("confident (p > 0.9) and wrong", lambda x: True, lambda x, a: bool(confidently_wrong(x, a))),
+)
+
+
+def side_by_side(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[str]:
+    """Lines of a table of both kinds of cases; none where all are of one."""
+    kinds = [[x for x in labels if bool(x.get("apart")) == apart] for apart in (False, True)]
+    if not all(kinds):
+        return []
+    lines = ["", "| score | first way | share | 95 % interval | apart | share | 95 % interval |"]
+    lines.append("|---|---|---|---|---|---|---|")
+    for name, about, hit in SIDES:
+        of = [[x for x in kind if about(x)] for kind in kinds]
+        if any(of):
+            cells = [share(sum(hit(x, answers[x["case"]]) for x in some), len(some)) for some in of]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+    inside = [share(*covered(kind, answers)[:2]) for kind in kinds]
+    lines.append(f"| parameters inside their 95 % interval | {' | '.join(inside)} |")
+    pairs = [called(kind, answers) for kind in kinds]
+    cells = [f"{len(p)} called | {calibration(p):.3f} | –" if p else "0 called | – | –" for p in pairs]
+    return [*lines, f"| calibration error of probabilities | {' | '.join(cells)} |"]
+
+
+def called(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[tuple[float, bool]]:
+    """Probability of every effect said, and whether it is there."""
+    return [
+        (p, merged(frozenset({n})) <= merged(there(x)))
+        for x in labels
+        for n, p in answers[x["case"]].said.items()
+    ]
 
 
 def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
@@ -235,11 +287,7 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     line("confident (p > 0.9) and wrong, all cases", labels, lambda x, a: bool(confidently_wrong(x, a)))
     line("no answer", labels, lambda x, a: a.failed)
 
-    said = [
-        (p, merged(frozenset({n})) <= merged(there(x)))
-        for x in labels
-        for n, p in answers[x["case"]].said.items()
-    ]
+    said = called(labels, answers)
     closed = [
         a.explained
         for x in labels
@@ -265,6 +313,7 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     if seconds := [a.seconds for a in answers.values() if a.seconds is not None]:
         lines.append(f"| time of a case | median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s |")
 
+    lines += side_by_side(labels, answers)
     lines += ["", "| effect | exact | named | called where it is not |", "|---|---|---|---|"]
     for name in sorted(
         {n for x in labels for n in there(x)} | {n for a in answers.values() for n in a.named}

@@ -1,10 +1,11 @@
 """Which cases a set has: nulls, singles by severity, pairs, triples, causes outside the catalogue, stress, noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
+from benchmarks.blind.apart.proposals import OUTSIDE as APART_OUTSIDE
 from benchmarks.blind.errors import SHARE
 from benchmarks.blind.proposals import NOISE, OUTSIDE, PAIRS, SEEN, TRIPLES
 
@@ -31,6 +32,7 @@ class Plan:
     scale: float = 1.0
     filter: str = "box"
     repeats: int = 4
+    apart: bool = False  # errors and forms of apart/
 
 
 def counts(cases: int) -> dict[str, int]:
@@ -45,9 +47,9 @@ def counts(cases: int) -> dict[str, int]:
 
 def plans(
     cases: int, seed: int, worlds: int, severities: tuple[float, ...] = SEVERITIES,
-    shares: dict[str, int] | None = None, scenes: tuple[str, ...] = SCENES,
+    shares: dict[str, int] | None = None, scenes: tuple[str, ...] = SCENES, apart: float = 0.0,
 ) -> list[Plan]:  # fmt: skip
-    """In an order, and under names, that say nothing."""
+    """In an order, and under names, that say nothing. ``apart``: share of the cases of each stratum."""
     rng = np.random.default_rng(seed)
     found: list[tuple[str, tuple[tuple[str, float], ...], str]] = []
     for stratum, n in (shares or counts(cases)).items():
@@ -68,7 +70,28 @@ def plans(
                 filter="Gaussian" if gaussian else "box", repeats=int(rng.choice([2, 4, 8], p=[0.25, 0.5, 0.25])),
             )
         )  # fmt: skip
-    return sorted(out, key=lambda p: p.case)
+    return sorted(_set_apart(out, apart, np.random.default_rng([seed, 1])), key=lambda p: p.case)
+
+
+def _set_apart(plans: list[Plan], share: float, rng: np.random.Generator) -> list[Plan]:
+    """By lot, ``share`` of each stratum; causes outside the catalogue are that way's own, all as often."""
+    out = list(plans)
+    used = dict.fromkeys(APART_OUTSIDE, 0)
+
+    def renamed(name: str, scene: str) -> str:
+        if name not in OUTSIDE:
+            return name
+        fitting = [n for n, seen in APART_OUTSIDE.items() if scene in seen]
+        chosen = str(min(rng.permutation(fitting), key=lambda n: used[n]))
+        used[chosen] += 1
+        return chosen
+
+    for stratum in dict.fromkeys(p.stratum for p in plans):
+        of = [k for k, p in enumerate(plans) if p.stratum == stratum]
+        for k in rng.permutation(of)[: int(share * len(of) + rng.random())]:
+            p = plans[k]
+            out[k] = replace(p, effects=tuple((renamed(n, p.scene), s) for n, s in p.effects), apart=True)
+    return out
 
 
 def _fit(names: tuple[str, ...], scenes: tuple[str, ...]) -> list[str]:

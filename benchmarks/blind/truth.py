@@ -15,11 +15,11 @@ import numpy as np
 from benchmarks.blind import chain
 from benchmarks.blind.bench import Bench, Lamp, Shot
 from benchmarks.blind.chain import Cause, Frame
-from benchmarks.blind.errors import Errors
+from benchmarks.blind.errors import CalibrationErrors
 from benchmarks.blind.scene_causes import changed
 from benchmarks.blind.tracing import Quality, beam, guide, layer
 
-LIGHT = ("one lamp", "one lamp's colour", "sky", "bounces", "extra lamp", "translucent")
+LIGHT = ("one lamp", "one lamp's colour", *chain.SKY, "bounces", "extra lamp", "translucent")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Setup:
     """``bench``: the scene as it stands, calibration errors and all. ``filter``: "box", or another engine's."""
 
     bench: Bench
-    errors: Errors
+    errors: CalibrationErrors
     quality: Quality
     seed: int
     cache: Path
@@ -43,13 +43,14 @@ def means(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot] | None = 
     bench = changed(setup.bench, list(causes))
     light = [c for c in causes if c.form in LIGHT and c.amplitude]
     pixels = _Pixels(setup, bench, causes)
+    shots = setup.bench.shots if shots is None else shots
     out = []
-    for shot in setup.bench.shots if shots is None else shots:
+    for shot in shots:
         E = np.zeros((setup.bench.size[1], setup.bench.size[0], 3))
         bounce = 1 + sum(c.shape["sign"] * c.amplitude for c in light if c.form == "bounces")
         for k in shot.lamps:
             lamp = bench.lamps[k]
-            gain = setup.errors.lamps[k] * np.ones(3)
+            gain = setup.errors.lamp(k, shot)
             for c in light:
                 if c.place == lamp.name and c.form == "one lamp":
                     gain = gain * (1 + c.shape["sign"] * c.amplitude)
@@ -58,19 +59,19 @@ def means(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot] | None = 
             direct, indirect = pixels(shot, lamp)
             E += gain * (direct + bounce * indirect)
         for c in light:
-            if c.form == "sky":
+            if c.form in chain.SKY:
                 E += c.amplitude * np.array(c.shape["color"]) * sum(pixels(shot, None))
             if c.form == "extra lamp":
                 E += c.amplitude * np.array(c.shape["color"]) * sum(pixels(shot, Lamp(**c.shape["lamp"])))
         out.append(_sensed(setup, causes, shot, E))
-    return out
+    return chain.series(causes, shots, out)
 
 
 def _sensed(setup: Setup, causes: Sequence[Cause], shot: Shot, E: np.ndarray) -> np.ndarray:
     s, frame = setup.bench.sensor, setup.frame
     e = chain.optics(causes, s.responsivity * shot.exposure * E, frame)
-    e = chain.sensor(causes, e * setup.errors.flat[shot.eye][..., None], shot.exposure, frame)
-    curve = [c for c in causes if c.form in chain.READOUT and c.form != "steps"]
+    e = chain.sensor(causes, e * setup.errors.field(shot), shot.exposure, frame)
+    curve = [c for c in causes if c.form in chain.ALL["readout"] and c.form != "steps"]
     if curve:
         e = chain.readout(curve, e / s.full_well, frame) * s.full_well
     return e
@@ -87,7 +88,8 @@ class _Pixels:
         # a motion goes as far as the shutter is open
         moving = shot.exposure if any(c.form == "smear" for c in self.causes) else 1.0
         causes = [c.at(c.amplitude * moving) if c.form == "smear" else c for c in self.causes]
-        key = (shot.eye, shot.pose, lamp, moving)
+        moment = self.setup.errors.moment(shot)
+        key = (shot.eye, shot.pose, lamp, moving, moment)
         if key not in self.kept:
             s = self.setup
             eye = self.bench.eyes[shot.eye]
@@ -96,11 +98,8 @@ class _Pixels:
             where = guide(self.bench, eye, shot.pose, s.quality, s.cache)
             if lamp is not None and any(lamp.beam):
                 found = _shaped(found, where, lamp)
-            gain = np.ones((len(self.bench.parts) + 1, 3), np.float32)
-            for k, part in enumerate(self.bench.parts):
-                if part.matter in s.errors.albedo:
-                    gain[k] = s.errors.albedo[part.matter]
-            gain = gain[where["part"]]  # -1 is the last: nothing there
+            found = chain.layer(causes, found, where, self.bench, lamp)
+            gain = s.errors.reflectance(self.bench, where)
             direct = found["direct"]
             for c in self.causes:
                 if c.form == "translucent" and c.amplitude:
@@ -109,8 +108,8 @@ class _Pixels:
             if not any(c.form == "bounces" for c in self.causes):  # then once through the lens is enough
                 direct, bounced = direct + bounced, None
             self.kept[key] = (
-                through_lens(s, causes, gain * direct, shot.eye),
-                0.0 if bounced is None else through_lens(s, causes, gain * bounced, shot.eye),
+                through_lens(s, causes, gain * direct, shot.eye, moment),
+                0.0 if bounced is None else through_lens(s, causes, gain * bounced, shot.eye, moment),
             )
         return self.kept[key]
 
@@ -145,24 +144,24 @@ def _translucent(
     return out
 
 
-def through_lens(setup: Setup, causes: Sequence[Cause], image: np.ndarray, eye: int) -> np.ndarray:
+def through_lens(
+    setup: Setup, causes: Sequence[Cause], image: np.ndarray, eye: int, moment: int = 0
+) -> np.ndarray:
     """A fine image on the pixels of the sensor: where the lens and the mounting put it, blurred, averaged."""
     q, frame = setup.quality, setup.frame
     h, w = image.shape[:2]
     column, row = np.meshgrid(np.arange(w, dtype=float), np.arange(h, dtype=float))
     cx, cy = (w - 1) / 2, (h - 1) / 2
     x, y = ((column - cx) / q.fine / frame.half, (row - cy) / q.fine / frame.half)
-    affine = setup.errors.registration[eye]
-    channels = [0, 1, 2] if any(c.form == "wedge colours" for c in causes) else [None]
-    still = not affine.any() and not any(c.form in chain.FLOW and c.amplitude for c in causes)
+    channels = [0, 1, 2] if any(c.form in chain.COLORED for c in causes) else [None]
+    still = not setup.errors.moves(eye, moment) and not chain.acting(causes, "flow")
     moved = image
     if not still:
         parts = []
         for channel in channels:
             u, v = chain.flow(causes, x, y, 1 if channel is None else channel)
             px, py = u * frame.half, v * frame.half
-            qx = px + affine[0, 0] * px + affine[0, 1] * py + affine[0, 2]
-            qy = py + affine[1, 0] * px + affine[1, 1] * py + affine[1, 2]
+            qx, qy = setup.errors.moved(eye, moment, px, py)
             plane = image if channel is None else np.ascontiguousarray(image[..., channel])
             parts.append(
                 cv2.remap(
@@ -183,12 +182,17 @@ def through_lens(setup: Setup, causes: Sequence[Cause], image: np.ndarray, eye: 
 
 
 def capture(
-    setup: Setup, causes: Sequence[Cause], shot: Shot, mean: np.ndarray, rng: np.random.Generator
+    setup: Setup,
+    causes: Sequence[Cause],
+    shot: Shot,
+    mean: np.ndarray,
+    rng: np.random.Generator,
+    repeat: int = 0,
 ) -> np.ndarray:
-    """(h, w, 3) uint16 DN of one frame around ``mean`` e-."""
+    """(h, w, 3) uint16 DN of one frame around ``mean`` e-; ``repeat``: which of a shot's."""
     s, frame = setup.bench.sensor, setup.frame
     noise = {c.form: c for c in causes if c.form in chain.NOISE}
-    pixels = setup.errors.pixels[shot.eye]
+    pixels = setup.errors.pixel_gain(shot, repeat)
     _h, w = pixels.shape[:2]
     if (c := noise.get("uneven pixels")) is not None:
         own = np.random.default_rng([c.shape["seed"], shot.eye])
@@ -207,4 +211,6 @@ def capture(
     if steps:
         top = 2**s.bits - 1 - s.black
         dn = chain.readout(steps, dn / top, frame) * top
-    return np.clip(np.rint(s.black + setup.errors.black[shot.eye] + dn), 0, 2**s.bits - 1).astype(np.uint16)
+    return np.clip(np.rint(s.black + setup.errors.offset(shot, repeat) + dn), 0, 2**s.bits - 1).astype(
+        np.uint16
+    )
