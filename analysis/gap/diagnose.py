@@ -42,6 +42,7 @@ from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_file
 from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
+from analysis.gap.rehearsing import rehearse
 from analysis.gap.scales import LEFT
 from analysis.gap.shrinkage import Yardstick, gap, yardstick
 from analysis.gap.terms import Term
@@ -96,12 +97,14 @@ def diagnose(
     told: Told = lambda what, share: None,
     verify: bool = False,
     metric: tuple[str, Measure] | None = None,
+    rehearsals: int = 0,
 ) -> Diagnosed:
     """The diagnosis of ``captures``; the corrected scene is written to ``out``.
 
     ``render`` draws a scene as ``settings`` say (analysis.gap.radiance); ``cache``: where renderings are kept.
     ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
+    ``rehearsals``: cases simulated from the scene that probabilities are calibrated on (analysis.gap.rehearsing).
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
@@ -160,6 +163,17 @@ def diagnose(
     findings += [noise_effect(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
     unknown = what_is_unknown(fitted)
+    rehearsal = None
+    if rehearsals:
+        written = [c for c in whole if not c.held_out]
+        rng = np.random.default_rng(0)
+        rehearsal = rehearse(written, captures.tolerances, fitted, knots, rehearsals, rng, told)
+        of_noise = {n.name for n in noise}  # which is judged by other figures
+        findings = [
+            f if f.name in of_noise else replace(f, probability=rehearsal.calibrated(f.probability))
+            for f in findings
+        ]
+        unknown = tuple((words, rehearsal.calibrated(p)) for words, p in unknown)
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
@@ -203,6 +217,7 @@ def diagnose(
         verification=check,
         smallest=detectable(fitted.evidence),
         over_declared=fitted.factors,
+        rehearsal=rehearsal,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 

@@ -13,6 +13,7 @@ from analysis.gap.detectable import Detectable
 from analysis.gap.edges import EdgeOffsets
 from analysis.gap.ledger import Ledger
 from analysis.gap.metric import Metric
+from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.shapley import Step
 from analysis.gap.shrinkage import Gap
 from analysis.gap.verify import Verification
@@ -73,7 +74,7 @@ class Diagnosis:
     ``notes``: what limits the diagnosis, one sentence each. ``waterfall``: mean χ² from the scene file as written down
     to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured. ``smallest``: of each
     effect, what would have been found. ``over_declared``: how large a tolerance looks over what is declared, of those
-    that do not look as declared.
+    that do not look as declared. ``rehearsal``: of cases that were simulated, what probabilities are calibrated on.
     """
 
     effects: tuple[Finding, ...]
@@ -89,6 +90,7 @@ class Diagnosis:
     verification: Verification | None = None
     smallest: tuple[Detectable, ...] = ()
     over_declared: dict[str, float] = field(default_factory=dict)
+    rehearsal: Rehearsal | None = None
 
     @property
     def verdict(self) -> str:
@@ -100,7 +102,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
     ``smallest`` (rms over the signal that an effect would be found from, ``easiest`` and ``hardest``; null: never),
-    ``tolerances_over_declared``, ``notes``."""
+    ``tolerances_over_declared``, ``rehearsal``, ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -151,6 +153,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
             for x in d.smallest
         },
         "tolerances_over_declared": d.over_declared,
+        "rehearsal": _rehearsal(d.rehearsal) if d.rehearsal else None,
         "notes": list(d.notes),
     }
 
@@ -162,6 +165,10 @@ def _edges(e: Edges) -> dict[str, Any]:
         "noise_floor": e.after.floor,
         "count": e.after.count,
     }
+
+
+def _rehearsal(r: Rehearsal) -> dict[str, Any]:
+    return {"temperature": r.temperature, "cases": [asdict(c) for c in r.cases]}
 
 
 def _metric(m: Metric) -> dict[str, Any]:

@@ -239,6 +239,8 @@ def _waves(camera: str, conditions: Sequence[Condition], spike: float) -> list[T
     fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
     cycles = np.hypot(fy * h, fx * w)
     power[cycles < ORDER + 2] = 0  # slower waves are smooth
+    if not power.any():
+        return []
     peak = power >= cv2.dilate(power, np.ones((3, 3)))
     terms = []
     for k in np.argsort(-np.where(peak, power, 0), axis=None)[:PERIODS]:

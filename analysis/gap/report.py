@@ -12,6 +12,7 @@ from analysis.compare.slider import SCRIPT, STYLE, data_uri, slider
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import Diagnosis, Finding, stage_of, write_text
 from analysis.gap.ledger import NOISE, Share
+from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.report_pictures import gap_map, shown, waterfall
 from analysis.gap.report_words import evidence, meaning, next_captures, number, plain, sentence, why, why_not
 from interchange.captures import Captures
@@ -64,6 +65,7 @@ def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
         if d.where.measured
         else "from the sensor's model; there are no repeats",
         rivals=_ranking(found),
+        rehearsal=_rehearsal(d.rehearsal) if d.rehearsal else "",
         smallest=_smallest(d),
         tolerances=_tolerances(captures, d.over_declared),
         notes="".join(f"<li>{html.escape(n)}</li>" for n in d.notes),
@@ -242,6 +244,22 @@ def _ranking(found: Diagnosed) -> str:
         )
         rows.append(f"<tr><td>{html.escape(words)}</td><td class=n>{h.score - best.score:+.1f}</td></tr>")
     return f"<table><tr><th>explanation</th><th class=n>log odds to the best</th></tr>{''.join(rows)}</table>"
+
+
+def _rehearsal(r: Rehearsal) -> str:
+    exact, without = (f"{k} of {n}" for k, n in (r.counts(True), r.counts(False)))
+    rows = "".join(
+        f"<tr><td>{html.escape(plain(c.truth) or 'nothing')}</td><td class=n>{100 * c.severity:.2g} %</td>"
+        f"<td>{html.escape(', '.join(f'{plain(n)} ({p:.2f})' for n, p in c.said.items()) or 'none')}</td>"
+        f"<td>{'yes' if c.exact else 'no'}</td></tr>"
+        for c in r.cases
+    )
+    return (
+        f"<h3>Cases simulated from this scene</h3><p>Of those with an effect {exact} were answered exactly, of those "
+        f"without {without}. Probabilities above are told with their log odds over {r.temperature:.2g}, which is what "
+        f"makes them agree with how often they were right there.</p><table><tr><th>was there</th>"
+        f"<th class=n>of the signal</th><th>said, before that</th><th>exact</th></tr>{rows}</table>"
+    )
 
 
 def _smallest(d: Diagnosis) -> str:

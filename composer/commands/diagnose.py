@@ -37,6 +37,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="do not render the held-out captures from the corrected scene",
     )
+    parser.add_argument(
+        "--rehearse",
+        type=int,
+        default=0,
+        metavar="N",
+        help="calibrate probabilities on N cases simulated from the scene (each takes as long as the fit)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,6 +58,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.samples < 0:
         raise BrightfieldError(f"--samples must be 1 or more; got {args.samples}.")
+    if args.rehearse < 0:
+        raise BrightfieldError(f"--rehearse must be 0 or more; got {args.rehearse}.")
     measure = (args.metric, metric.load(args.metric)) if args.metric else None
     captures = captures_file.read(args.captures)
     document = open_scene(captures.scene)
@@ -59,7 +68,16 @@ def run(args: argparse.Namespace) -> int:
     cache = args.cache or home / "brightfield" / "renderings"
     with renderer(args.render, args.samples) as (render, settings):
         found = diagnose(
-            captures, document, render, settings, cache, args.out, Progress(), not args.no_verify, measure
+            captures,
+            document,
+            render,
+            settings,
+            cache,
+            args.out,
+            Progress(),
+            not args.no_verify,
+            measure,
+            args.rehearse,
         )
     d = found.diagnosis
     write(args.out / "diagnosis.json", d)

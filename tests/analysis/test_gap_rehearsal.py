@@ -1,0 +1,125 @@
+"""Probabilities are made to agree with how often they were right, on cases drawn as the model says."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.gap.conditions import Condition
+from analysis.gap.evidence import Evidence
+from analysis.gap.fit import Fit, _terms
+from analysis.gap.knots import Knots
+from analysis.gap.model import Model
+from analysis.gap.normal_equations import total_of
+from analysis.gap.rehearsal import Rehearsal, Rehearsed
+from analysis.gap.rehearsing import _captured, _drawn, rehearse
+from analysis.gap.search import Search
+from interchange.captures import Tolerances
+from realtime.renderers.rasterizer import Rasterizer
+
+VIGNETTING = ("vignetting", "")
+
+
+def said(p: float, right: int, wrong: int) -> Rehearsal:
+    there = Rehearsed("gloss", 0.01, {"gloss": p}, True)
+    return Rehearsal((there,) * right + (replace(there, truth="", exact=False),) * wrong)
+
+
+@pytest.mark.parametrize(("p", "share"), [(0.99, 0.8), (0.9, 0.75), (0.999, 0.97)])
+def test_many_cases_make_a_probability_the_share_that_was_right(p: float, share: float) -> None:
+    """The prior is nothing beside 10,000 cases; T is told to a hundredth of its logarithm."""
+    rehearsal = said(p, round(10000 * share), round(10000 * (1 - share)))
+    assert rehearsal.calibrated(p) == pytest.approx(share, abs=0.005)
+    assert rehearsal.calibrated(0.5) == pytest.approx(0.5)
+
+
+def test_nothing_becomes_surer_than_it_was_said() -> None:
+    for rehearsal in (said(0.7, 1000, 0), Rehearsal(())):
+        assert rehearsal.temperature == 1
+        assert rehearsal.calibrated(0.7) == pytest.approx(0.7)
+    assert said(0.9, 1, 0).calibrated(1.0) == pytest.approx(0.999)
+
+
+def test_few_cases_change_little() -> None:
+    """One wrong of two that were called with 0.9: half of the truth would be 0.5."""
+    assert 0.6 < said(0.9, 1, 1).calibrated(0.9) < 0.85
+
+
+def test_cases_with_and_without_an_effect_are_counted_apart() -> None:
+    r = said(0.9, 3, 2)
+    assert (r.counts(True), r.counts(False)) == ((3, 3), (0, 2))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("rehearsal")
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path, small_bench) -> list[Condition]:
+    return small_bench(folder, {0: "Camera0", 2: "Camera0", 6: "Camera0"}, 16)
+
+
+@pytest.fixture(scope="module")
+def knots(folder: Path, rasterizer: Rasterizer) -> Knots:
+    return Knots(folder / "cache", lambda: rasterizer)
+
+
+@pytest.fixture(scope="module")
+def fitted(found: list[Condition], knots: Knots) -> Fit:
+    """The captures are the scene as it is written."""
+    as_written = [replace(c, mean=c.simulated().dn) for c in found]
+    search = Search(
+        as_written, tuple(_terms(as_written, Tolerances(), knots)), knots, lambda what, share: None
+    )
+    stand = search.stand(np.zeros(search.q), {}, "evidence", {})
+    model = Model(search.terms, np.zeros(search.q), np.zeros(search.q), knots)
+    evidence = Evidence(total_of(stand.parts), search.terms)
+    return Fit(model, model, stand.hypotheses, {}, search.terms, evidence, stand.parts, np.zeros(search.q))
+
+
+def test_an_effect_has_the_severity_that_was_wanted(found, knots, fitted) -> None:
+    """rms of what it changes over the signal's, in the metric that evidence has; errors lie within their spikes."""
+    index = fitted.evidence.members[VIGNETTING]
+    rng = np.random.default_rng(1)
+    models = [_drawn(found, fitted, knots, VIGNETTING, s, rng) for s in (0.0, 0.02)]
+    rng = np.random.default_rng(1)
+    still = _drawn(found, fitted, knots, VIGNETTING, 0.0, rng)
+    assert models[0].theta == pytest.approx(still.theta)
+    strong = _drawn(found, fitted, knots, VIGNETTING, 0.5, rng).theta[index]
+    G = fitted.evidence.e.G[np.ix_(index, index)] / fitted.evidence.e.signal
+    assert np.sqrt(strong @ G @ strong) == pytest.approx(0.5, rel=0.1)  # and the tolerance's part
+    seen = fitted.evidence.seen & ~np.isfinite(fitted.evidence.low)
+    z = models[1].theta[seen] / fitted.evidence.spike[seen]
+    assert np.std(z[np.abs(z) < 10]) == pytest.approx(1, abs=0.1)
+    assert models[1].at[index] == pytest.approx(models[1].theta[index])  # where it is bent, it is drawn bent
+
+
+def test_captures_differ_from_the_model_by_the_sensors_noise(found, knots, fitted) -> None:
+    model = _drawn(found, fitted, knots, None, 0.0, np.random.default_rng(2))
+    captured = _captured(found, model, np.random.default_rng(3))
+    left = []
+    for c, old in zip(captured, found, strict=True):
+        e = model.state(old).simulation
+        ok = old.usable(e)
+        variance = (e.temporal / len(c.captures) + e.fixed)[ok]
+        left.append(((c.mean - model.simulated(old))[ok]) ** 2 / variance)
+    assert np.mean(np.concatenate(left)) == pytest.approx(1, abs=0.02)  # of some 70,000 values
+
+
+def test_strong_cases_of_ones_own_are_answered(found, knots, fitted, monkeypatch) -> None:
+    """Of an effect and of nothing, through the whole fit."""
+    import analysis.gap.rehearsing as rehearsing
+
+    monkeypatch.setattr(rehearsing, "_cause", lambda fitted, rng: VIGNETTING)
+    monkeypatch.setattr(rehearsing, "WITHOUT", 2)
+    monkeypatch.setattr(rehearsing, "WEAKEST", 0.039)
+    told: list[float] = []
+    r = rehearse(
+        found, Tolerances(), fitted, knots, 2, np.random.default_rng(4), lambda what, x: told.append(x)
+    )
+    assert [c.truth for c in r.cases] == ["vignetting", ""]
+    assert all(c.exact for c in r.cases)
+    assert r.cases[0].said["vignetting"] > 0.9
+    assert told[-1] == 1
