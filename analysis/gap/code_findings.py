@@ -16,9 +16,8 @@ COMB = 1.4  # DN from one value that occurs to the next, from which on it is a c
 LEAST_VALUES = 24  # that must occur
 SPIKE = 5.0  # times as many pixels as at the DN below, at which an image is cut off
 LEAST_CUT = 30  # pixels
-LEAST_LOWER = (
-    0.01  # that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
-)
+# that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
+LEAST_LOWER = 0.01
 SURELY = 0.9  # probability of steps, from which on everything else is judged with them
 QUALITIES = range(20, 100, 2)
 SHALLOW = 0.85  # dip of what compressing once more changes, that chance makes

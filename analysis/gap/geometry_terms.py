@@ -22,9 +22,8 @@ EACH = 0.6  # of the registration's tolerance: turns, shifts, the principal poin
 MOST_ASIDE = 5.0  # mm, of a camera over a flat scene
 STEEP, EDGES = 0.05, 1e-3  # of the light a px; share of the image
 ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
-FLAT = (
-    0.02  # thickness over length of what is printed on something: it lies there, and has no size of its own
-)
+# thickness over length of what is printed on something: it lies there, and has no size of its own
+FLAT = 0.02
 DECENTRED = 0.3  # of a lens's distortion: its elements stand nearly on one axis
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own

@@ -29,11 +29,8 @@ from realtime.renderers.rasterizer import Rasterizer
 
 LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
 SENSITIVE = 60_000  # the same, of what tells a sensitivity alone, which one pixel in some is looked at
-SPOTS, MANY, SOFT = (
-    8,
-    16,
-    64,
-)  # a pixel: of what shades, moves, has penumbrae; up to twice as many of smaller images
+# a pixel: of what shades, moves, has penumbrae; up to twice as many of smaller images
+SPOTS, MANY, SOFT = 8, 16, 64
 # texels along a side of a shadow map, eight a pixel in between: with 4096 steps of the bench's pin, bracket and lamps
 # differ by up to 1.5 % in amount, stands by up to 4 %, for one and a half to four times the time
 LEAST_SHADOWS, SHADOWS = 512, 2048

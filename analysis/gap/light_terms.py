@@ -19,10 +19,8 @@ from interchange.light import Light, LightKind
 
 FAR = (LightKind.DISTANT, LightKind.DOME)
 # shares as the blind engine draws them (0.8 and 0.5), which was read before
-GRAY = (
-    0.8,
-    0.6,
-)  # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
+# of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
+GRAY = (0.8, 0.6)
 COLOR = 0.2  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 

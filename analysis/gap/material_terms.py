@@ -30,9 +30,8 @@ SPOTS = tuple(
     for j in range(GRID[1])
     for i in range(GRID[0])
 )
-BODY = (
-    0.5  # of its light: the least share of a body colour whose pattern could be told from what a lobe mirrors
-)
+# of its light: the least share of a body colour whose pattern could be told from what a lobe mirrors
+BODY = 0.5
 BLUR_PX = 1.5  # of the step that translucency is told by
 
 

@@ -20,9 +20,8 @@ from analysis.gap.state import State
 from analysis.gap.terms import Term
 
 SIGNAL, GRADIENT, FLOOR = 0.002, 0.025, 0.001  # f_s, f_g px, f_0
-SAMPLED = (
-    0.6  # px: an edge's error by N stratified samples a pixel is SAMPLED N^(-3/4). Mitchell, SIGGRAPH 1996
-)
+# px: an edge's error by N stratified samples a pixel is SAMPLED N^(-3/4). Mitchell, SIGGRAPH 1996
+SAMPLED = 0.6
 BLOCK = 5
 ENOUGH = 5000  # pixels of a condition
 

@@ -22,10 +22,8 @@ from interchange.captures import Tolerances
 FACTORS = (1.0, 1.5, 2.0, 3.0, 4.5)  # none below 1: other effects' forms need what is declared
 DECLARED, STEPS = 0, range(len(FACTORS))
 SPREAD = 0.25  # of ln κ: tolerances are known to a quarter
-LEAST, THINGS = (
-    6,
-    3,
-)  # numbers that share a tolerance, and how many cameras, lamps or materials they are of, to tell it
+# numbers that share a tolerance, and how many cameras, lamps or materials they are of, to tell it
+LEAST, THINGS = 6, 3
 MANY = 20  # numbers that tell it of whatever they are: a field's waves
 RESCALED = 2  # times that tolerances are looked at with other hypotheses
 LEAD = 8  # hypotheses that are looked at, besides the parts of the best one

@@ -13,10 +13,8 @@ from scipy import sparse
 from analysis.gap.state import State
 from analysis.gap.terms import Family, Term, families
 
-BRIGHTER, AWAY = (
-    0.03,
-    0.1,
-)  # rms over the signal's; px: a model that stands further away has sensitivities of its own
+# rms over the signal's; px: a model that stands further away has sensitivities of its own
+BRIGHTER, AWAY = 0.03, 0.1
 
 
 @dataclass(frozen=True, eq=False)
