@@ -1,7 +1,7 @@
 """Captures put together: repeats are one condition, and some conditions are kept for the verdict alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,9 @@ class Condition:
     held_out: bool = False
     rendered: Rendered | None = None
     step: float = 1.0  # DN from one code that occurs to the next
+    uneven: dict[int, float] = field(
+        default_factory=dict
+    )  # DN rms of lines that were evened, by axis (lines.py)
 
     @property
     def name(self) -> str:

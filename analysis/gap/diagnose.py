@@ -33,6 +33,7 @@ from analysis.gap.findings import beside_unknown, effects_found, noise_effect, w
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
+from analysis.gap.lines import without_lines
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.noise import noise_findings, with_black_level
@@ -114,7 +115,9 @@ def diagnose(
     )
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
-    all_of_them = without_flat_tops(whole)  # which would be taken for a response curve
+    all_of_them, lines = without_lines(
+        without_flat_tops(whole)
+    )  # a flat top would be taken for a response curve
 
     def redraw(some: Sequence[Condition], standing: Changes) -> list[Condition]:
         bases = {id(c.shown): c.shown for c in all_of_them}
@@ -199,6 +202,7 @@ def diagnose(
         *_refuted(fitted),
         *_wider(fitted),
         *_apertures(fitted),
+        *(str(x) for x in lines),
         *_notes(all_of_them, where, tried, left),
     ]
     if check is not None and check.sentence:

@@ -18,6 +18,7 @@ from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms, shaded
+from analysis.gap.lines import left_of_lines
 from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
@@ -233,6 +234,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         *dark_current(conditions, tolerances),
         *saturation_terms(conditions, tolerances),
         *generic_terms(conditions, tolerances),
+        *left_of_lines(conditions),
     ]
 
 

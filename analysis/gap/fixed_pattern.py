@@ -66,19 +66,22 @@ def _apart(a: Condition, b: Condition) -> bool:
     return not same or (not set(a.lamps) & set(b.lamps) and bool(a.lamps) and bool(b.lamps))
 
 
-def _white(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(H, W, C): residual less its neighbours', DN above black, and weight; 0 at edges and what is not compared."""
+def flat(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, C) float32: DN above black, and weight; 0 at edges and what is not compared."""
     s = (simulation - c.camera.sensor.black_level).astype(np.float32)
-    r = (c.mean - simulation).astype(np.float32)
-    r = r - cv2.filter2D(r, -1, NEIGHBOURS).reshape(r.shape)
     step = np.abs(s - cv2.filter2D(s, -1, NEIGHBOURS).reshape(s.shape))
     around = np.ones((3, 3), np.uint8)
     inside = cv2.erode(c.usable(c.simulated()).astype(np.uint8), around)[..., None] > 0
     floor = EDGE * np.maximum(s, float(np.median(s)) / 4)
     edge = cv2.dilate((step > floor).max(axis=2).astype(np.uint8), around)[..., None] > 0
     temporal, fixed = noise_variance(simulation, c.camera)
-    weight = np.where(inside & ~edge, 1 / (temporal / len(c.captures) + fixed), 0).astype(np.float32)
-    return r, s, weight
+    return s, np.where(inside & ~edge, 1 / (temporal / len(c.captures) + fixed), 0).astype(np.float32)
+
+
+def _white(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(H, W, C): residual less its neighbours', and what ``flat`` tells."""
+    r = (c.mean - simulation).astype(np.float32)
+    return (r - cv2.filter2D(r, -1, NEIGHBOURS).reshape(r.shape), *flat(c, simulation))
 
 
 def _block_sums(

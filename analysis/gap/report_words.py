@@ -26,6 +26,9 @@ def sentence(d: Diagnosis) -> str:
                 f"tolerances{taken} (chi {g.before:.2f}, noise {g.noise_floor:.2f})."
             )
         case "effects":
+            if not any(f.share for f in d.effects):
+                stays = f"chi stays at {g.after:.2f}, noise {g.noise_floor:.2f}"
+                return f"There is {names(d.effects)}, which moves no mean: {stays}."
             return f"The gap comes from {names(d.effects)}; adding that closes {closing}."
         case "unknown":
             return f"There is a gap that no effect of the catalogue explains: {d.unknown[0][0]}."
