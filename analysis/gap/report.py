@@ -248,6 +248,12 @@ def _ranking(found: Diagnosed) -> str:
 
 def _rehearsal(r: Rehearsal) -> str:
     exact, without = (f"{k} of {n}" for k, n in (r.counts(True), r.counts(False)))
+    told = (
+        f"Probabilities above are told with their log odds over {r.temperature:.2g}, which makes them agree with "
+        f"how often they were right there."
+        if r.temperature > 1
+        else "Probabilities above are as the evidence gave them: there they were not too sure."
+    )
     rows = "".join(
         f"<tr><td>{html.escape(plain(c.truth) or 'nothing')}</td><td class=n>{100 * c.severity:.2g} %</td>"
         f"<td>{html.escape(', '.join(f'{plain(n)} ({p:.2f})' for n, p in c.said.items()) or 'none')}</td>"
@@ -256,8 +262,7 @@ def _rehearsal(r: Rehearsal) -> str:
     )
     return (
         f"<h3>Cases simulated from this scene</h3><p>Of those with an effect {exact} were answered exactly, of those "
-        f"without {without}. Probabilities above are told with their log odds over {r.temperature:.2g}, which is what "
-        f"makes them agree with how often they were right there.</p><table><tr><th>was there</th>"
+        f"without {without}. {told}</p><table><tr><th>was there</th>"
         f"<th class=n>of the signal</th><th>said, before that</th><th>exact</th></tr>{rows}</table>"
     )
 
