@@ -30,7 +30,7 @@ def rehearse(
     conditions: Sequence[Condition],
     tolerances: Tolerances,
     fitted: Fit,
-    knots: Knots,
+    knots: Knots | None,
     count: int,
     rng: np.random.Generator,
     told: Callable[[str, float], None] = lambda what, share: None,
@@ -67,7 +67,7 @@ def _cause(fitted: Fit, rng: np.random.Generator) -> Cause:
 def _drawn(
     conditions: Sequence[Condition],
     fitted: Fit,
-    knots: Knots,
+    knots: Knots | None,
     cause: Cause | None,
     severity: float,
     rng: np.random.Generator,

@@ -9,14 +9,12 @@ import pytest
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence
 from analysis.gap.fit import Fit, _terms
-from analysis.gap.knots import Knots
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import total_of
 from analysis.gap.rehearsal import Rehearsal, Rehearsed
 from analysis.gap.rehearsing import _captured, _drawn, rehearse
 from analysis.gap.search import Search
 from interchange.captures import Tolerances
-from realtime.renderers.rasterizer import Rasterizer
 
 VIGNETTING = ("vignetting", "")
 
@@ -62,32 +60,25 @@ def found(folder: Path, small_bench) -> list[Condition]:
 
 
 @pytest.fixture(scope="module")
-def knots(folder: Path, rasterizer: Rasterizer) -> Knots:
-    return Knots(folder / "cache", lambda: rasterizer)
-
-
-@pytest.fixture(scope="module")
-def fitted(found: list[Condition], knots: Knots) -> Fit:
+def fitted(found: list[Condition]) -> Fit:
     """The captures are the scene as it is written."""
     as_written = [replace(c, mean=c.simulated().dn) for c in found]
-    search = Search(
-        as_written, tuple(_terms(as_written, Tolerances(), knots)), knots, lambda what, share: None
-    )
+    search = Search(as_written, tuple(_terms(as_written, Tolerances(), None)), None, lambda what, share: None)
     stand = search.stand(np.zeros(search.q), {}, "evidence", {})
-    model = Model(search.terms, np.zeros(search.q), np.zeros(search.q), knots)
+    model = Model(search.terms, np.zeros(search.q), np.zeros(search.q))
     evidence = Evidence(total_of(stand.parts), search.terms)
     return Fit(model, model, stand.hypotheses, {}, search.terms, evidence, stand.parts, np.zeros(search.q))
 
 
-def test_an_effect_has_the_severity_that_was_wanted(found, knots, fitted) -> None:
+def test_an_effect_has_the_severity_that_was_wanted(found, fitted) -> None:
     """rms of what it changes over the signal's, in the metric that evidence has; errors lie within their spikes."""
     index = fitted.evidence.members[VIGNETTING]
     rng = np.random.default_rng(1)
-    models = [_drawn(found, fitted, knots, VIGNETTING, s, rng) for s in (0.0, 0.02)]
+    models = [_drawn(found, fitted, None, VIGNETTING, s, rng) for s in (0.0, 0.02)]
     rng = np.random.default_rng(1)
-    still = _drawn(found, fitted, knots, VIGNETTING, 0.0, rng)
+    still = _drawn(found, fitted, None, VIGNETTING, 0.0, rng)
     assert models[0].theta == pytest.approx(still.theta)
-    strong = _drawn(found, fitted, knots, VIGNETTING, 0.5, rng).theta[index]
+    strong = _drawn(found, fitted, None, VIGNETTING, 0.5, rng).theta[index]
     G = fitted.evidence.e.G[np.ix_(index, index)] / fitted.evidence.e.signal
     assert np.sqrt(strong @ G @ strong) == pytest.approx(0.5, rel=0.1)  # and the tolerance's part
     seen = fitted.evidence.seen & ~np.isfinite(fitted.evidence.low)
@@ -96,8 +87,8 @@ def test_an_effect_has_the_severity_that_was_wanted(found, knots, fitted) -> Non
     assert models[1].at[index] == pytest.approx(models[1].theta[index])  # where it is bent, it is drawn bent
 
 
-def test_captures_differ_from_the_model_by_the_sensors_noise(found, knots, fitted) -> None:
-    model = _drawn(found, fitted, knots, None, 0.0, np.random.default_rng(2))
+def test_captures_differ_from_the_model_by_the_sensors_noise(found, fitted) -> None:
+    model = _drawn(found, fitted, None, None, 0.0, np.random.default_rng(2))
     captured = _captured(found, model, np.random.default_rng(3))
     left = []
     for c, old in zip(captured, found, strict=True):
@@ -108,7 +99,7 @@ def test_captures_differ_from_the_model_by_the_sensors_noise(found, knots, fitte
     assert np.mean(np.concatenate(left)) == pytest.approx(1, abs=0.02)  # of some 70,000 values
 
 
-def test_strong_cases_of_ones_own_are_answered(found, knots, fitted, monkeypatch) -> None:
+def test_strong_cases_of_ones_own_are_answered(found, fitted, monkeypatch) -> None:
     """Of an effect and of nothing, through the whole fit."""
     import analysis.gap.rehearsing as rehearsing
 
@@ -117,7 +108,7 @@ def test_strong_cases_of_ones_own_are_answered(found, knots, fitted, monkeypatch
     monkeypatch.setattr(rehearsing, "WEAKEST", 0.039)
     told: list[float] = []
     r = rehearse(
-        found, Tolerances(), fitted, knots, 2, np.random.default_rng(4), lambda what, x: told.append(x)
+        found, Tolerances(), fitted, None, 2, np.random.default_rng(4), lambda what, x: told.append(x)
     )
     assert [c.truth for c in r.cases] == ["vignetting", ""]
     assert all(c.exact for c in r.cases)

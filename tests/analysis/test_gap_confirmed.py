@@ -1,0 +1,62 @@
+"""Held-out captures keep an effect by how much of what it claims there they show."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.gap.attribution import KEPT, confirmed, taken_off
+from analysis.gap.evidence import Hypothesis
+from analysis.gap.fit import Fit
+from analysis.gap.shrinkage import Yardstick
+
+SIGMA, SHAPE, EFFECT = 5.0, (96, 128, 3), ("camera_pose", "/eye")
+
+
+def measured(capture: np.ndarray) -> Yardstick:
+    condition = SimpleNamespace(captures=(SimpleNamespace(pixels=capture),))
+    variance, ok = np.full(SHAPE, SIGMA**2), np.ones(SHAPE, bool)
+    return Yardstick((condition,), (ok,), (variance,), (np.ones(SHAPE),))
+
+
+def claimed(share: float, seed: int = 1) -> tuple[Yardstick, np.ndarray, np.ndarray]:
+    """Captures that show ``share`` of what an effect says that it changes, 4 DN rms, and noise."""
+    rng = np.random.default_rng(seed)
+    before = np.full(SHAPE, 500.0)
+    change = 4.0 * rng.standard_normal(SHAPE)
+    return measured(before + share * change + SIGMA * rng.standard_normal(SHAPE)), before, before + change
+
+
+@pytest.mark.parametrize("share", [1.0, 0.7, 0.5, 0.0, -0.5])
+def test_what_is_taken_off_is_told_by_the_slope(share: float) -> None:
+    """2 β - 1, to 2 / sqrt(Σ δ²/σ²) = 0.013 of noise."""
+    by, before, after = claimed(share)
+    assert taken_off(by, [before], [after]) == pytest.approx(2 * share - 1, abs=0.04)
+
+
+def test_what_noise_hides_is_not_judged() -> None:
+    by, before, after = claimed(0.0)
+    weak = before + 0.003 * (after - before)
+    assert taken_off(by, [before], [weak]) == 1.0
+
+
+class Standing:
+    """A model that simulates one image."""
+
+    def __init__(self, dn: np.ndarray) -> None:
+        self.dn = dn
+
+    def simulated(self, condition: object) -> np.ndarray:
+        return self.dn
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.9, True), (0.5 + 0.5 * KEPT - 0.05, False), (0.2, False)])
+def test_a_lone_effect_is_judged_against_the_file_at_its_best(share: float, kept: bool) -> None:
+    by, before, after = claimed(share)
+    first, second = Standing(before), Standing(after)
+    best = Hypothesis((EFFECT,), (0.01,), 0.0, 0.0)
+    fitted = Fit(first, second, (best,), {EFFECT: 0.99}, (), SimpleNamespace(members={}), (), np.zeros(0))
+    found = confirmed(fitted, by.conditions, by)
+    assert found.best.causes == ((EFFECT,) if kept else ())
+    assert found.refuted == (() if kept else (EFFECT,))
+    assert found.after is (second if kept else first)
