@@ -63,6 +63,8 @@ def without_lines(conditions: Sequence[Condition]) -> tuple[list[Condition], tup
             planes = [_planes(c, axis) for c in shown]
             halves = np.sum([_sums(x) for x in planes], axis=0)
             signals = np.array([float(np.average(s, weights=w)) for s, w, _ in planes if w.any()])
+            if not len(signals):  # edges everywhere
+                continue
             sensor = shown[0].camera.sensor
             pixels = np.hypot(sensor.prnu * signals, sensor.dsnu * sensor.K)
             rms = _agreed(halves, signals)

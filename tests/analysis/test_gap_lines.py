@@ -140,3 +140,9 @@ def test_what_is_left_of_lines_is_as_large_as_their_slow_waves() -> None:
         amplitude = drawn @ wave / (wave @ wave)
         assert t.spike == pytest.approx(np.sqrt(np.mean(amplitude**2)), rel=0.12)  # 400 draws: 3.5 %
     assert left_of_lines(captured(plate(), pixels_alone)) == []
+
+
+def test_where_edges_are_everywhere_nothing_is_told() -> None:
+    found = captured(plate() * (0.5 + 0.5 * (COLUMN // 4 % 2)), lambda s: s * GAINS)
+    with np.errstate(all="raise"):
+        assert without_lines(found)[1] == ()
