@@ -1,6 +1,6 @@
 """What a second core saves a diagnosis: the same captures on one core and on all, in turns in one run.
 
-    python benchmarks/diagnosis.py [assets/.../captures.json] [--turns 2] [--cache DIR]
+    python benchmarks/diagnosis.py captures.json [--turns 2] [--cache DIR]
 
 Base renderings and sensitivities are in the cache before anything is timed. Both must come to the same diagnosis.
 """
@@ -54,7 +54,7 @@ def main() -> None:
                 print(f"turn {turn + 1}, {name}: {seconds[name][-1]:.1f} s", flush=True)
     one, all_of_them = (np.array(x) for x in seconds.values())
     print(
-        f"{' and '.join(sorted(first['verdict'].split()))}: {np.median(one):.0f} s and {np.median(all_of_them):.0f} s;"
+        f"{first['verdict']}: {np.median(one):.0f} s and {np.median(all_of_them):.0f} s;"
         f" one core over all {np.median(one / all_of_them):.2f}"
     )
 
