@@ -7,7 +7,7 @@ s DN above black and r left of the simulation, less its mean over ``BESIDE`` col
 
 once of the upper half of the rows and once of the lower: what both say is the columns', as pixels' own patterns and
 what stands in the scene differ. What the mean takes of a slow pattern is found again by doing so ``TIMES`` times. Rows
-alike. EMVA 1288 release 4 tells columns, rows and pixels apart as well.
+alike.
 """
 
 from collections.abc import Sequence

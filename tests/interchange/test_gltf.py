@@ -11,32 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from interchange.formats.base import Options
 from interchange.formats.document import open_file
 from interchange.formats.gltf import LUMENS_PER_WATT, place_in_st
 from interchange.light import LightKind
 from interchange.material import Wrap
 from interchange.problems import FileError
+from tests.interchange.opened import only_body, write
 
 BOX = trimesh.creation.box((2.0, 3.0, 5.0))
-
-
-def read(path, unit="mm"):
-    return open_file(path, Options(unit=unit))
-
-
-def only_body(document):
-    (body,) = document.scene().bodies
-    return body
-
-
-def write(folder, name, text):
-    path = folder / name
-    if isinstance(text, bytes):
-        path.write_bytes(text)
-    else:
-        path.write_text(text)
-    return path
 
 
 def glb(document, binary=b""):

@@ -13,32 +13,13 @@ from PIL import Image
 
 from interchange.brdf.blinn_phong import BlinnPhong
 from interchange.brdf.lambert import Lambert
-from interchange.formats.base import Options
-from interchange.formats.document import open_file
 from interchange.formats.mesh_files import ALSO, UNITS, metres_per_unit
 from interchange.formats.surface import CREASE_DEG, Findings, crease_mesh, describe, weld
 from interchange.problems import FileError, Severity
+from tests.interchange.opened import only_body, read, write
 
 PARTS = Path(__file__).parents[2] / "assets" / "cad"
 BOX = trimesh.creation.box((2.0, 3.0, 5.0))
-
-
-def read(path, unit="mm"):
-    return open_file(path, Options(unit=unit))
-
-
-def only_body(document):
-    (body,) = document.scene().bodies
-    return body
-
-
-def write(folder, name, text):
-    path = folder / name
-    if isinstance(text, bytes):
-        path.write_bytes(text)
-    else:
-        path.write_text(text)
-    return path
 
 
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii", "ply", "ply_ascii", "off", "obj"])
