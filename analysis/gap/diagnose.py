@@ -44,7 +44,7 @@ from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
-from analysis.gap.scales import LEFT
+from analysis.gap.scales import UNDECLARED
 from analysis.gap.shrinkage import Yardstick, gap, yardstick
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
@@ -200,6 +200,7 @@ def diagnose(
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = [
         *_refuted(fitted),
+        *_cautious(fitted),
         *_wider(fitted),
         *_apertures(fitted),
         *(str(x) for x in lines),
@@ -319,6 +320,26 @@ def _refuted(fitted: Fit) -> list[str]:
     ]
 
 
+def _cautious(fitted: Fit) -> list[str]:
+    """Why causes that the captures together speak for are not called."""
+    notes = []
+    for (name, target), c in fitted.cautions.items():
+        if fitted.probability[name, target] >= PRESENT or (name, target) in fitted.refuted:
+            continue
+        what = f"{name.replace('_', ' ')}{f' of {called(target)}' if target else ''}"
+        if c.tail >= PRESENT:
+            notes.append(
+                f"{what[0].upper()}{what[1:]} looks off by more than the calibration's tolerances, but by no more than "
+                f"calibrations are off now and then ({100 * c.tail:.0f} % probable): it is not called."
+            )
+        elif c.most < PRESENT:
+            notes.append(
+                f"The captures together speak for {what}, but without one or another they differ by "
+                f"{100 * c.spread:.0f} % in how much of it there is: it is not called."
+            )
+    return notes
+
+
 def _apertures(fitted: Fit) -> list[str]:
     v = aperture.variance(fitted.terms, fitted.after.theta)
     if not aperture.may_be_one(fitted.best.causes, v):
@@ -333,9 +354,9 @@ def _wider(fitted: Fit) -> list[str]:
     notes = []
     for name, factor in fitted.factors.items():
         if factor > SLIGHTLY:
-            of = name if name == LEFT else f"errors of {name}"
+            of, than = (name, "expected") if name in UNDECLARED else (f"errors of {name}", "declared")
             notes.append(
-                f"{of[0].upper()}{of[1:]} look {factor:g} times as large as declared, and are taken so: check the "
+                f"{of[0].upper()}{of[1:]} look {factor:g} times as large as {than}, and are taken so: check the "
                 f"calibration. Effects below that are not found."
             )
     return notes

@@ -11,9 +11,10 @@ George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
@@ -32,6 +33,7 @@ ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
 
 Cause = tuple[str, str]
+Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,50 +119,59 @@ class Evidence:
             self.straight[absent] = z, self.constant + 0.5 * (float(b * self.spike @ z) - rr)
         return self.straight[absent]
 
-    def _wide(self, causes: Sequence[Cause], slabs: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-        """Indices of the terms that are wide, and how many times wider than their spikes they are."""
+    def _wide(
+        self, causes: Sequence[Cause], slabs: Sequence[float], given: Given = MappingProxyType({})
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Indices of the terms that are wide, and how many times wider than their spikes they are: as the slabs say, or
+        ``given``."""
         if not causes:
             return np.array([], int), np.array([])
-        index = [self.members[c] for c in causes]
-        sd = [slab * self.part[i] / self.together[i] for slab, i in zip(slabs, index, strict=True)]
-        wide = np.concatenate(index)
-        ratio = np.clip(np.concatenate(sd) / self.spike[wide], 2.0, None)
-        return wide, np.where(self.relative[wide], ratio, np.minimum(ratio, WIDEST))
+        ratios = []
+        for cause, slab in zip(causes, slabs, strict=True):
+            i = self.members[cause]
+            ratio = np.clip(slab * self.part[i] / self.together[i] / self.spike[i], 2.0, None)
+            ratios.append(given.get(cause, np.where(self.relative[i], ratio, np.minimum(ratio, WIDEST))))
+        return np.concatenate([self.members[c] for c in causes]), np.concatenate(ratios)
 
     def at(self, causes: Iterable[Cause], slabs: Sequence[float]) -> Hypothesis:
-        """One hypothesis, with a slab for each cause: all at their spikes, corrected for the k terms that are wide.
+        """One hypothesis, with a slab for each cause."""
+        causes = tuple(causes)
+        key = (causes, tuple(slabs))
+        if key not in self.known:
+            log_Z = self.log_Z(causes, slabs) - self.chosen(causes)
+            self.known[key] = Hypothesis(causes, tuple(slabs), log_Z, self.prior(causes))
+        return self.known[key]
+
+    def log_Z(
+        self, causes: tuple[Cause, ...], slabs: Sequence[float], given: Given = MappingProxyType({})
+    ) -> float:
+        """With a slab for each cause, or its terms as many times wider than their spikes as ``given``: all at their
+        spikes, corrected for the k terms that are wide.
 
         A_M = A + U Δ U' with Δ = spike²/slab² - 1, hence A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C. Woodbury 1950.
         """
-        causes = tuple(causes)
-        key = (causes, tuple(slabs))
-        if key in self.known:
-            return self.known[key]
-        wide, ratio, solved, log_det = self._solved(causes, slabs)
+        wide, ratio, solved, log_det = self._solved(causes, slabs, given)
         z, log_Z = self._all_spikes(causes)
         log_Z -= 0.5 * float(z[wide] @ solved)
         log_Z += -0.5 * log_det - float(np.log(ratio).sum())
-        log_Z -= sum(self._choice(c) for c in causes)
         if np.isfinite(self.low[wide]).any():
             inside = self.C[np.ix_(wide, wide)]
             theta = (z[wide] - inside @ solved) * self.spike[wide]
             inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + inside)
             sigma = self.spike[wide] * np.sqrt(np.maximum(np.diag(inside - inside @ inner @ inside), 0))
             if (theta < self.low[wide] - 2 * np.maximum(self.spike[wide], sigma)).any():
-                log_Z = -np.inf
-        out = Hypothesis(causes, tuple(slabs), log_Z, self._prior(causes))
-        self.known[key] = out
-        return out
+                return -np.inf
+        return log_Z
 
-    def _choice(self, cause: Cause) -> float:
-        """What it costs that a cause's width, and the cause itself, were chosen among several."""
-        return float(np.log(len(self.slabs[cause]) * self.ways[cause]))
+    def chosen(self, causes: Iterable[Cause]) -> float:
+        """What it costs that causes' widths, and the causes themselves, were chosen among several."""
+        return float(sum(np.log(len(self.slabs[c]) * self.ways[c]) for c in causes))
 
     def _solved(
-        self, causes: Sequence[Cause], slabs: Sequence[float]
+        self, causes: Sequence[Cause], slabs: Sequence[float], given: Given = MappingProxyType({})
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Which terms are wide and by how much, (I + Δ C)⁻¹ Δ z of them, and log |I + Δ C|."""
-        wide, ratio = self._wide(causes, slabs)
+        wide, ratio = self._wide(causes, slabs, given)
         if not len(wide):
             return wide, ratio, np.array([]), 0.0
         delta = ratio**-2 - 1.0
@@ -184,8 +195,8 @@ class Evidence:
         A = self.C[wide] @ (self.e.G[:, wide] * self.spike[:, None])
         Q = -0.5 * A.T @ np.linalg.solve(inner, delta[:, None] * A)
         cost = 0.5 * float(np.linalg.slogdet(inner)[1]) + float(np.log(ratio).sum())
-        cost += self._choice(cause)
-        return (Q + Q.T) / (2 * TAU), cost / TAU + self._prior(()) - self._prior((cause,))
+        cost += self.chosen((cause,))
+        return (Q + Q.T) / (2 * TAU), cost / TAU + self.prior(()) - self.prior((cause,))
 
     def theta(self, h: Hypothesis) -> np.ndarray:
         """(q,): posterior mean of every term under a hypothesis."""
@@ -216,7 +227,7 @@ class Evidence:
             slabs[i] = self.slabs[cause][k]
         return self.at(causes, slabs)
 
-    def _prior(self, causes: tuple[Cause, ...]) -> float:
+    def prior(self, causes: tuple[Cause, ...]) -> float:
         n, k = len(causes), max(len(self.members), 2)
         mass = (NONE, SINGLE, PAIR, TRIPLE)[min(n, 3)] * 0.1 ** max(n - 3, 0)
         ways = 1.0

@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from analysis.gap.aperture import without_apertures
+from analysis.gap.caution import Caution, cautions, thetas_without
 from analysis.gap.chain_terms import black_levels, chain_terms, dark_current
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
@@ -53,6 +54,8 @@ class Fit:
     evidence: Evidence
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
     doubted: np.ndarray  # (q,): standard deviation of every term where the causes' formulas are in doubt
+    left_out: np.ndarray  # (n, q): theta without one condition after the other, no row where few tell
+    cautions: dict[Cause, Caution]  # of the causes
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
@@ -67,10 +70,12 @@ class Fit:
 
     @property
     def probability_of_none(self) -> float:
-        """That calibration's errors explain everything."""
+        """That calibration's errors explain everything, some of them larger than declared."""
         score = np.array([h.score for h in self.hypotheses])
         p = np.exp(score - score.max())
-        return float(p[[not h.causes for h in self.hypotheses]].sum() / p.sum())
+        declared = float(p[[not h.causes for h in self.hypotheses]].sum() / p.sum())
+        larger = np.prod([self.cautions[c].tail for c in self.best.causes if c in self.cautions])
+        return max(declared, float(larger)) if self.best.causes else declared
 
 
 def fit(
@@ -102,7 +107,7 @@ def fit(
         search = search.elsewhere(redraw(conditions, far))
         there = search.stand(chosen.at, {}, "evidence", {})
         chosen = search.gone_on(there, "fit anew")
-    return replace(_fit(search.terms, chosen, knots), redrawn=far, factors=search.widths.factors)
+    return replace(_fit(search, chosen, knots), redrawn=far, factors=search.widths.factors)
 
 
 def _gain(stand: Stand) -> float:
@@ -161,9 +166,9 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     return stands or astray
 
 
-def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
+def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
     """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
-    q = len(terms)
+    terms, q = search.terms, search.q
     parts = tuple(p.of(np.arange(q)) for p in stand.parts)
     evidence = Evidence(total_of(parts), terms, spikes=stand.evidence.spike[:q])
     best = stand.best
@@ -179,8 +184,23 @@ def _fit(terms: Sequence[Term], stand: Stand, knots: Knots | None) -> Fit:
         before = Model(tuple(terms), np.where(cause, 0.0, theta), still, knots)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
+    left_out = thetas_without(evidence, best, parts)
+    declared = search.widths.declared_at(stand.evidence.spike)
+    careful = cautions(stand.evidence, declared, best, evidence, parts, left_out)
+    probability |= {c: caution.of(probability.get(c, 0.0)) for c, caution in careful.items()}
     doubted = stand.evidence.sigma(best)[:q]
-    return Fit(before, after, stand.hypotheses, probability, tuple(terms), evidence, parts, doubted)
+    return Fit(
+        before,
+        after,
+        stand.hypotheses,
+        probability,
+        tuple(terms),
+        evidence,
+        parts,
+        doubted,
+        left_out,
+        careful,
+    )
 
 
 def believed(
@@ -245,24 +265,10 @@ def uncertainty(found: Fit) -> np.ndarray:
 
     Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
     """
-    best, n = found.best, len(found.parts)
+    best = found.best
     wide = sorted({i for c in best.causes for i in found.evidence.members[c]})
     formal = np.maximum(found.evidence.sigma(best), found.doubted)
     formal[wide] = np.hypot(formal[wide], found.evidence.spike[wide])
-    if n < 3:
+    if not len(found.left_out):
         return formal
-    kept = np.array([i for i, t in enumerate(found.terms) if t.family is None or i in wide])
-    terms = [found.terms[i] for i in kept]
-    own = [p.of(kept) for p in found.parts]
-    fitted = []
-    for k in range(n):
-        rest = Evidence(
-            total_of([p for i, p in enumerate(own) if i != k]), terms, spikes=found.evidence.spike[kept]
-        )
-        if all(c in rest.members for c in best.causes):
-            fitted.append(rest.theta(best))
-    if len(fitted) < 3:
-        return formal
-    spread = np.zeros(len(found.terms))
-    spread[kept] = np.var(fitted, axis=0) * (len(fitted) - 1)
-    return np.asarray(np.sqrt(formal**2 + spread))
+    return np.asarray(np.sqrt(formal**2 + found.left_out.var(axis=0) * (len(found.left_out) - 1)))

@@ -2,8 +2,9 @@
 
 A tolerance is one standard deviation, and nobody knows it exactly. Where many numbers have the same one, the captures
 tell it: a factor κ for each, the one under which the best hypothesis is the likeliest, with ln κ normally distributed a
-priori, and never less than 1. Probabilities are averaged over what else κ may be. One number that is four tolerances
-off is an effect; a dozen of them are a tolerance that is too small.
+priori, and never less than 1. What was not declared (how far lamps' colors are off, how captures differ in brightness)
+is taken for a share of what was, which is a guess, and is judged apart. Probabilities are averaged over what else κ may
+be. One number that is four tolerances off is an effect; a dozen of them are a tolerance that is too small.
 
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
@@ -15,13 +16,14 @@ from itertools import product
 import numpy as np
 
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.generic_terms import FACTOR
+from analysis.gap.generic_terms import CAPTURE, FACTOR
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
 FACTORS = (1.0, 1.5, 2.0, 3.0, 4.5)  # none below 1: other effects' forms need what is declared
 DECLARED, STEPS = 0, range(len(FACTORS))
 SPREAD = 0.25  # of ln κ: tolerances are known to a quarter
+GUESSED = 0.7  # the same of those that were not declared: to a factor of two
 # numbers that share a tolerance, and how many cameras, lamps or materials they are of, to tell it
 LEAST, THINGS = 6, 3
 MANY = 20  # numbers that tell it of whatever they are: a field's waves
@@ -31,14 +33,17 @@ NEAR = 12.0  # how far below the best one's score they are averaged
 EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibration may be judged at all
 
 LEFT = "effects that no tolerance speaks of"
+COLORS, DRIFT = "errors of lamps' colors", "changes of brightness from capture to capture"
+OF_LAMPS = {COLORS: "light_spectrum", DRIFT: CAPTURE}  # whose spikes are a share of a lamp's intensity
+UNDECLARED = (LEFT, *OF_LAMPS)
 
 Shares = dict[str, np.ndarray]
 Place = dict[str, int]  # number of the factor of each tolerance
 
 
 def shares(of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances) -> Shares:
-    """{tolerance: (q,)}: 1 for the terms whose spike goes with it, ``LEFT`` apart from the flat field that it is told
-    by (analysis.gap.left). ``of``: the terms under given tolerances."""
+    """{tolerance: (q,)}: 1 for the terms whose spike goes with it; ``UNDECLARED`` ones apart from the flat field and
+    the lamps' intensities that they are shares of (analysis.gap.left). ``of``: the terms under given tolerances."""
     times = {f.name: float(k + 2) for k, f in enumerate(fields(tolerances))}
     wider = {name: factor * getattr(tolerances, name) for name, factor in times.items()}
     before, after = of(tolerances), of(replace(tolerances, **wider))
@@ -48,6 +53,11 @@ def shares(of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances) -
     is_field = np.array([t.cause == FACTOR for t in before])
     out[LEFT] = np.where(is_field, 0.0, out["flat_field"])
     out["flat_field"] = np.where(is_field, out["flat_field"], 0.0)
+    lamps = out["light_intensity"]
+    for name, cause in OF_LAMPS.items():
+        own = np.array([t.cause == cause for t in before])
+        out[name] = np.where(own, lamps, 0.0)
+        out["light_intensity"] = np.where(own, 0.0, out["light_intensity"])
     return out
 
 
@@ -98,7 +108,10 @@ class Ladder:
         if key not in self._scores:
             wide = widths(self.shares, {n: FACTORS[k] for n, k in place.items()}, len(self.terms))
             there = Evidence(self.e, self.terms, self.in_force, self.declared * wide)
-            prior = sum(-0.5 * (np.log(FACTORS[k]) / SPREAD) ** 2 for k in key)
+            prior = sum(
+                -0.5 * (np.log(FACTORS[k]) / (GUESSED if name in UNDECLARED else SPREAD)) ** 2
+                for name, k in zip(self.judged, key, strict=True)
+            )
             found = [there.at(h.causes, h.slabs).score for h in self.lead]
             self._scores[key] = np.array(found) + float(prior)
         return self._scores[key]
@@ -121,6 +134,8 @@ class Ladder:
         """The score of hypothesis ``i`` by all that each tolerance may be, one at a time, around where it is best."""
         place = self.climbed(place, slice(i, i + 1))
         there = float(self.scores(place)[i])
+        if not np.isfinite(there):
+            return there
         rungs = [[self.scores(place | {name: k})[i] - there for k in STEPS] for name in self.judged]
         return there + sum(float(np.logaddexp.reduce(np.array(rung))) for rung in rungs)
 
@@ -154,6 +169,9 @@ def averaged(
     best = hypotheses[0]
     near = [h for h in ladder.lead if h.score > best.score - NEAR or set(h.causes) < set(best.causes)]
     gain = {h: ladder.averaged(place, ladder.lead.index(h)) - h.score for h in near}
+    gain = {h: x for h, x in gain.items() if np.isfinite(x)}  # else below what its terms may be
+    if best not in gain:
+        return tuple(hypotheses)
     least = min(gain.values())
     told = [replace(h, log_Z=h.log_Z + gain.get(h, least) - gain[best]) for h in hypotheses]
     return tuple(sorted(told, key=lambda h: -h.score))
@@ -175,6 +193,10 @@ class Widths:
         if self.spikes is None:
             self.declared = self.spikes = spikes
 
+    def declared_at(self, spikes: np.ndarray) -> np.ndarray:
+        """A stand's ``spikes`` as declared; those beyond the search's terms (forms) stay as they are."""
+        return spikes if self.declared is None else np.append(self.declared, spikes[len(self.declared) :])
+
     def of(self, index: Sequence[int] | np.ndarray) -> np.ndarray | None:
         """Spikes of some of the terms."""
         return None if self.spikes is None else self.spikes[index]
@@ -187,7 +209,7 @@ class Widths:
             return evidence, hypotheses
         q = len(self.declared)
         for _ in range(RESCALED):
-            declared = np.append(self.declared, evidence.spike[q:])
+            declared = self.declared_at(evidence.spike)
             found = factors(evidence, declared, self.shares, hypotheses)
             if found == self.factors:
                 break
@@ -202,5 +224,5 @@ class Widths:
         """A stand's hypotheses by all that tolerances may be besides what they look."""
         if self.declared is None or self.shares is None:
             return hypotheses
-        declared = np.append(self.declared, evidence.spike[len(self.declared) :])
+        declared = self.declared_at(evidence.spike)
         return averaged(evidence, declared, self.shares, hypotheses, self.factors)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.gap.evidence import Evidence
+from analysis.gap.generic_terms import CAPTURE
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.scales import LEFT, averaged, factors, shares, widths
+from analysis.gap.scales import COLORS, DRIFT, LEFT, averaged, factors, shares, widths
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -121,3 +122,19 @@ def test_one_material_that_is_off_is_no_tolerance() -> None:
         evidence = Evidence(e, terms)
         own = {"gloss": np.ones(8)}
         assert bool(factors(evidence, evidence.spike, own, evidence.search())) == judged
+
+
+def test_what_lamps_are_not_declared_for_is_judged_apart() -> None:
+    """Colors and what differs between captures go with the lamps' intensity, by a share that is a guess."""
+
+    def terms(t: Tolerances) -> list[Term]:
+        lamp, *_ = _terms(t)
+        color = replace(lamp, cause="light_spectrum", spike=0.2 * t.light_intensity)
+        capture = replace(lamp, cause=CAPTURE, target="001.png", spike=0.2 * t.light_intensity, generic=True)
+        return [lamp, color, capture]
+
+    own = shares(terms, Tolerances())
+    assert own["light_intensity"] == pytest.approx([1, 0, 0])
+    assert own[COLORS] == pytest.approx([0, 1, 0])
+    assert own[DRIFT] == pytest.approx([0, 0, 1])
+    assert sum(own.values()) == pytest.approx([1, 1, 1])

@@ -1,0 +1,127 @@
+"""Why a cause may be less probable than log Z makes it.
+
+**Tolerances have tails.** A number of the calibration may be κ times as far off as is declared: κ² has the inverse
+gamma distribution with which errors follow Student's t with ``TAILS`` degrees of freedom. An effect is held against
+that, all else staying as it is.
+
+**What is there is there in every condition.** Pixels share errors that log Z takes for independent ones; conditions
+share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
+that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio of
+Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it.
+
+Bailey: Not normal: the uncertainties of scientific measurements. Royal Society Open Science 2017 (their tails).
+Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit, gammaln
+
+from analysis.gap.evidence import TAU, Cause, Evidence, Hypothesis
+from analysis.gap.normal_equations import NormalEquations, total_of
+
+TAILS = 8.0  # degrees of freedom
+FARTHEST, RUNGS = 16.0, 12  # of κ
+SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
+FEWEST = 3  # conditions that may be left out in turn
+
+
+@dataclass(frozen=True)
+class Caution:
+    """Of a cause: the probability that it is an error of the calibration, a larger one than was declared; and
+    ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
+    not tell), with what probability that leaves it at most."""
+
+    tail: float
+    spread: float
+    most: float
+
+    def of(self, probability: float) -> float:
+        return min(probability * (1 - self.tail), self.most)
+
+
+def cautions(
+    evidence: Evidence,
+    declared: np.ndarray,
+    h: Hypothesis,
+    plain: Evidence,
+    parts: Sequence[NormalEquations],
+    left_out: np.ndarray,
+) -> dict[Cause, Caution]:
+    """Of the causes of ``h``. ``evidence``: that of its stand, ``declared`` (q,): spikes as declared. ``plain``: the
+    same without the doubt of forms, of ``parts``, one a condition; ``left_out`` (n, q): θ without each."""
+    tails = {c: tail(evidence, declared, h, c) for c in h.causes}
+    spreads = {c: spread(plain, h, c, parts, left_out) for c in h.causes}
+    out = {}
+    for c, (s, n) in spreads.items():
+        ratio = 0.5 * n * np.log1p(1 / (s**2 * (n - 1))) if np.isfinite(s) else np.inf
+        prior = h.log_prior - evidence.prior(_without(h, c)[0])
+        out[c] = Caution(tails[c], s, float(expit(ratio + prior)))
+    return out
+
+
+def _without(h: Hypothesis, cause: Cause) -> tuple[tuple[Cause, ...], tuple[float, ...]]:
+    kept = [k for k, c in enumerate(h.causes) if c != cause]
+    return tuple(h.causes[k] for k in kept), tuple(h.slabs[k] for k in kept)
+
+
+def log_prior_of_kappa() -> tuple[np.ndarray, np.ndarray]:
+    """κ (n,), evenly over its logarithm above 1, and the logarithm of each one's share of the probability."""
+    step = np.log(FARTHEST) / RUNGS
+    log_k = step * np.arange(1, RUNGS + 1)
+    half = TAILS / 2
+    density = half * np.log(half) - gammaln(half) - TAILS * log_k - half * np.exp(-2 * log_k) + np.log(2)
+    return np.exp(log_k), density + np.log(step)
+
+
+def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) -> float:
+    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared."""
+    rest, slabs = _without(h, cause)
+    index = evidence.members[cause]
+    none = evidence.at(rest, slabs)
+    scores = [none.score]
+    for kappa, share in zip(*log_prior_of_kappa(), strict=True):
+        ratio = kappa * declared[index] / evidence.spike[index]
+        if (ratio > 1).all():  # else as wide as it is taken for already
+            log_Z = evidence.log_Z(h.causes, h.slabs, {cause: ratio}) - evidence.chosen(rest)
+            scores.append(none.log_prior + log_Z / TAU + float(share))
+    return float(expit(np.logaddexp.reduce(scores) - evidence.at(h.causes, h.slabs).score))
+
+
+def thetas_without(evidence: Evidence, h: Hypothesis, parts: Sequence[NormalEquations]) -> np.ndarray:
+    """(n, q): θ under ``h`` without one condition after the other; without rows where fewer than ``FEWEST`` tell.
+    Families of terms that ``h`` does not have stay at nothing."""
+    wide = {i for c in h.causes for i in evidence.members[c]}
+    kept = np.array([i for i, t in enumerate(evidence.terms) if t.family is None or i in wide])
+    terms = [evidence.terms[i] for i in kept]
+    own = [p.of(kept) for p in parts]
+    found = []
+    for k in range(len(own)) if len(own) >= FEWEST else ():
+        others = total_of([p for i, p in enumerate(own) if i != k])
+        rest = Evidence(others, terms, spikes=evidence.spike[kept])
+        if all(c in rest.members for c in h.causes):
+            theta = np.zeros(len(evidence.terms))
+            theta[kept] = rest.theta(h)
+            found.append(theta)
+    return np.array(found) if len(found) >= FEWEST else np.zeros((0, len(evidence.terms)))
+
+
+def spread(
+    plain: Evidence, h: Hypothesis, cause: Cause, parts: Sequence[NormalEquations], left_out: np.ndarray
+) -> tuple[float, int]:
+    """One standard deviation of how much of a cause there is, relative, and the conditions that show it; nan where
+    they do not tell: of what has a number for each place, and what one condition alone shows."""
+    index = plain.members[cause]
+    theta = plain.theta(h)[index]
+
+    def energy(e: NormalEquations) -> float:
+        return float(theta @ e.G[np.ix_(index, index)] @ theta)
+
+    shown = np.array([energy(p) for p in parts])
+    n = int((shown > SHOWS * shown.max()).sum())
+    if plain.terms[index[0]].family is not None or n < 2 or not len(left_out):
+        return np.nan, n
+    beta = left_out[:, index] @ plain.e.G[np.ix_(index, index)] @ theta / energy(plain.e)
+    return float(np.sqrt(beta.var() * (len(beta) - 1))), n

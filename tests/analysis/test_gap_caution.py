@@ -1,0 +1,139 @@
+"""What makes a cause less probable than its log Z: tails of tolerances, and conditions that differ."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import expit, logsumexp
+from scipy.stats import norm, t
+
+from analysis.gap.caution import (
+    TAILS,
+    Caution,
+    cautions,
+    log_prior_of_kappa,
+    spread,
+    tail,
+    thetas_without,
+)
+from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.normal_equations import NormalEquations, total_of
+from analysis.gap.terms import Family, Term
+
+SPIKE, PIXELS, NOISE = 0.005, 2000, 0.05
+A = ("a", "")
+
+
+def _term(cause: str, **more: object) -> Term:
+    return replace(Term(cause, "", "p", "1", SPIKE, lambda s: None), **more)
+
+
+def _part(X: np.ndarray, r: np.ndarray) -> NormalEquations:
+    signal = PIXELS / NOISE**2
+    own = np.where((X != 0).any(axis=1), signal, 0.0)
+    return NormalEquations(X @ X.T, X @ r, float(r @ r), signal, own, 0.0, PIXELS)
+
+
+def _conditions(amounts: list[float]) -> list[NormalEquations]:
+    """Two columns of noise; each condition has its own amount of the first."""
+    rng = np.random.default_rng(3)
+    out = []
+    for amount in amounts:
+        X = rng.standard_normal((2, PIXELS)) / NOISE
+        out.append(_part(X, amount * X[0] + rng.standard_normal(PIXELS)))
+    return out
+
+
+def _found(parts: list[NormalEquations]) -> tuple[Evidence, Hypothesis]:
+    evidence = Evidence(total_of(parts), [_term("a"), _term("b")])
+    return evidence, evidence.best((A,), {})
+
+
+def test_errors_have_the_tails_of_students_t() -> None:
+    """Far out a mixture of normal distributions over κ is Student's; near by most of it is κ below 1.26, which the grid
+    leaves to the width that is declared."""
+    kappa, log_share = log_prior_of_kappa()
+    for x in (6.0, 9.0, 14.0):
+        mixed = float((np.exp(log_share) * norm.pdf(x, scale=kappa)).sum())
+        assert mixed == pytest.approx(t.pdf(x, TAILS), rel=0.02)  # a grid of steps of 26 %
+    assert np.exp(log_share).sum() < 1
+
+
+def test_an_effect_is_held_against_a_tolerance_that_is_larger() -> None:
+    """The share of the tolerances in all that explains one number that is seen nearly without noise: a normal
+    distribution in closed form each."""
+    parts = _conditions([8 * SPIKE])
+    evidence, h = _found(parts)
+    index = evidence.members[A]
+    e, sigma = evidence.e, 1 / np.sqrt(evidence.e.G[0, 0])
+    seen = e.b[0] / e.G[0, 0]
+    slab = h.slabs[0] / evidence.together[index[0]]
+
+    def score(width: float) -> float:
+        return float(norm.logpdf(seen, scale=np.hypot(width, sigma)))
+
+    kappa, log_share = log_prior_of_kappa()
+    none = [score(SPIKE), *(score(k * SPIKE) + s for k, s in zip(kappa, log_share, strict=True))]
+    against = logsumexp(none) + evidence.prior(()) - score(slab) - evidence.prior((A,)) + evidence.chosen([A])
+    assert tail(evidence, evidence.spike, h, A) == pytest.approx(expit(against), abs=1e-3)
+
+
+def test_the_further_off_the_less_it_is_a_tolerance() -> None:
+    found = []
+    for times in (4, 8, 16, 60):
+        evidence, h = _found(_conditions([times * SPIKE]))
+        found.append(tail(evidence, evidence.spike, h, A))
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 0.25  # four tolerances: as likely as not
+    assert found[-1] < 1e-3
+
+
+def test_a_tolerance_that_looks_larger_already_is_not_taken_twice() -> None:
+    parts = _conditions([8 * SPIKE])
+    declared, _ = _found(parts)
+    wide = Evidence(declared.e, declared.terms, spikes=np.array([20 * SPIKE, SPIKE]))  # beyond all κ
+    again = wide.best((A,), {})
+    only = float(expit(wide.at((), ()).score - again.score))
+    assert tail(wide, declared.spike, again, A) == pytest.approx(only, abs=1e-12)
+
+
+def test_how_much_conditions_differ_is_the_jackknifes() -> None:
+    """Of a mean of conditions that tell alike, one standard deviation is that of their mean; all tell nearly alike
+    here."""
+    amounts = [0.02, 0.03, 0.05, 0.02, 0.04, 0.03]
+    parts = _conditions(amounts)
+    evidence, h = _found(parts)
+    s, n = spread(evidence, h, A, parts, thetas_without(evidence, h, parts))
+    assert n == 6
+    assert s == pytest.approx(np.std(amounts, ddof=1) / np.sqrt(6) / np.mean(amounts), rel=0.1)
+
+
+def test_what_one_condition_alone_has_is_not_called() -> None:
+    """Both are far beyond noise and tolerances."""
+    for amounts, called in (([0.3] * 6, True), ([1.8, 0, 0, 0, 0, 0], False)):
+        parts = _conditions(amounts)
+        evidence, h = _found(parts)
+        assert h.score - evidence.at((), ()).score > 100
+        without = thetas_without(evidence, h, parts)
+        caution = cautions(evidence, evidence.spike, h, evidence, parts, without)[A]
+        assert (caution.of(1.0) > 0.99) == called
+        assert (caution.of(1.0) < 0.5) == (not called)
+        assert caution.tail < 1e-6
+
+
+def test_few_conditions_and_places_do_not_tell() -> None:
+    parts = _conditions([0.3, 0.1])
+    evidence, h = _found(parts)
+    assert thetas_without(evidence, h, parts).shape == (0, 2)
+    caution = cautions(evidence, evidence.spike, h, evidence, parts, np.zeros((0, 2)))[A]
+    assert np.isnan(caution.spread)
+    assert caution.most == 1
+    parts = _conditions([0.3, 0.1, 0.2])
+    cells = Evidence(total_of(parts), [_term("a", family=Family(lambda s: None, ("here",))), _term("b")])
+    s, _ = spread(cells, h, A, parts, thetas_without(cells, h, parts))
+    assert np.isnan(s)
+
+
+def test_the_lesser_of_both() -> None:
+    assert Caution(0.2, 0.1, 1.0).of(0.9) == pytest.approx(0.72)
+    assert Caution(0.2, 1.0, 0.3).of(0.9) == pytest.approx(0.3)
