@@ -77,9 +77,12 @@ def log_prior_of_kappa() -> tuple[np.ndarray, np.ndarray]:
 
 
 def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) -> float:
-    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared."""
+    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared: none of what has no
+    name, which no calibration speaks of."""
     rest, slabs = _without(h, cause)
     index = evidence.members[cause]
+    if evidence.terms[index[0]].generic:
+        return 0.0
     none = evidence.at(rest, slabs)
     scores = [none.score]
     for kappa, share in zip(*log_prior_of_kappa(), strict=True):

@@ -88,6 +88,12 @@ def test_the_further_off_the_less_it_is_a_tolerance() -> None:
     assert found[-1] < 1e-3
 
 
+def test_what_has_no_name_is_no_tolerance() -> None:
+    parts = _conditions([4 * SPIKE])
+    evidence = Evidence(total_of(parts), [_term("a", generic=True), _term("b")])
+    assert tail(evidence, evidence.spike, evidence.best((A,), {}), A) == 0
+
+
 def test_a_tolerance_that_looks_larger_already_is_not_taken_twice() -> None:
     parts = _conditions([8 * SPIKE])
     declared, _ = _found(parts)
