@@ -76,20 +76,28 @@ def log_prior_of_kappa() -> tuple[np.ndarray, np.ndarray]:
     return np.exp(log_k), density + np.log(step)
 
 
+def wider(evidence: Evidence, declared: np.ndarray, cause: Cause) -> list[tuple[np.ndarray, float]]:
+    """How many times wider than its spike each term of a cause may be because tolerances have tails, and the logarithm
+    of the probability; not where it is taken to be so wide already."""
+    index = evidence.members[cause]
+    ratios = [
+        (kappa * declared[index] / evidence.spike[index], float(share))
+        for kappa, share in zip(*log_prior_of_kappa(), strict=True)
+    ]
+    return [(ratio, share) for ratio, share in ratios if (ratio > 1).all()]
+
+
 def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) -> float:
     """Probability that a cause of ``h`` is an error of the calibration, larger than was declared: none of what has no
     name, which no calibration speaks of."""
     rest, slabs = _without(h, cause)
-    index = evidence.members[cause]
-    if evidence.terms[index[0]].generic:
+    if evidence.terms[evidence.members[cause][0]].generic:
         return 0.0
     none = evidence.at(rest, slabs)
     scores = [none.score]
-    for kappa, share in zip(*log_prior_of_kappa(), strict=True):
-        ratio = kappa * declared[index] / evidence.spike[index]
-        if (ratio > 1).all():  # else as wide as it is taken for already
-            log_Z = evidence.log_Z(h.causes, h.slabs, {cause: ratio}) - evidence.chosen(rest)
-            scores.append(none.log_prior + log_Z / TAU + float(share))
+    for ratio, share in wider(evidence, declared, cause):
+        log_Z = evidence.log_Z(h.causes, h.slabs, {cause: ratio}) - evidence.chosen(rest)
+        scores.append(none.log_prior + log_Z / TAU + share)
     return float(expit(np.logaddexp.reduce(scores) - evidence.at(h.causes, h.slabs).score))
 
 

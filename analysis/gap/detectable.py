@@ -3,11 +3,12 @@
 For an effect θ alone, without any other error, of rms s over the signal, s² = θ' G θ / S, the evidence for it over none
 is a quadratic form of θ:
 
-    Δ log Z(θ) = θ' Q θ - cost,      shown where  Δ log Z + log prior odds >= log(p / (1 - p)),  p = SURE
+    Δ log Z(θ) = θ' Q θ - cost,      shown where  Δ log Z + log prior odds - log T >= log(p / (1 - p)),  p = SURE
 
-with cost what its freedom is charged (Occam's factor). Its numbers may be off in ways that tolerances hide, and in ways
-that they do not: the eigenvalues λ of Q in the metric G / S are gains per s², the largest the easiest way's; a way
-drawn by lot has Σ u² λ, u on the unit sphere, and what is told is what nine of ten have.
+with cost what its freedom is charged (Occam's factor), and T = 1 + Σ_κ p(κ) Z_κ / Z what a tolerance that is κ times as
+large explains of it (analysis.gap.caution). Its numbers may be off in ways that tolerances hide, and in ways that they
+do not: the eigenvectors of Q in the metric G / S have the easiest way among them; ways drawn by lot lie evenly on the
+sphere, and what is told is what nine of ten have.
 
 MacKay: Bayesian interpolation. Neural Computation 1992.
 """
@@ -18,10 +19,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from analysis.gap.caution import wider
 from analysis.gap.evidence import Cause, Evidence
 
 SURE = 0.9
 MOST = 0.5  # rms over the signal: what would not show there is told as never
+LEAST, RUNGS, HALVES = (
+    1e-5,
+    120,
+    12,
+)  # severities that are looked at, and how often what lies between is halved
 DRAWN = 400  # ways by lot
 FLAT = 1e-9  # of the largest: ways that change no image
 
@@ -37,12 +44,12 @@ class Detectable:
     hardest: float
 
 
-def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
-    """Every effect with a name, the easiest first."""
+def detectable(evidence: Evidence, declared: np.ndarray) -> tuple[Detectable, ...]:
+    """Every effect with a name, the easiest first. ``declared`` (q,): spikes as declared."""
     found: dict[str, list[Detectable]] = {}
     for cause, index in evidence.members.items():
         if not evidence.terms[index[0]].generic:
-            found.setdefault(cause[0], []).append(Detectable(cause, *_severities(evidence, cause, index)))
+            found.setdefault(cause[0], []).append(Detectable(cause, *_severities(evidence, declared, cause)))
     told = [_together(targets) for targets in found.values()]
     return tuple(sorted(told, key=lambda d: d.easiest))
 
@@ -52,31 +59,63 @@ def _together(targets: Sequence[Detectable]) -> Detectable:
     return Detectable(best.cause, best.easiest, max(d.hardest for d in targets))
 
 
-def _severities(evidence: Evidence, cause: Cause, index: np.ndarray) -> tuple[float, float]:
+def _severities(evidence: Evidence, declared: np.ndarray, cause: Cause) -> tuple[float, float]:
     """In the best way, and in nine of ten drawn by lot."""
+    index = evidence.members[cause]
     e = evidence.e
     metric = e.G[np.ix_(index, index)] / max(e.signal, 1e-30)
     seen, ways = eigh(metric)
     there = seen > FLAT * seen.max()
-    to_unit = ways[:, there] / np.sqrt(seen[there])
-    easiest = by_lot = np.inf
-    for slab in evidence.slabs[cause]:
-        Q, cost = evidence.alone(cause, slab)
-        gains = np.linalg.eigvalsh(to_unit.T @ Q @ to_unit)
-        needed = max(cost + float(np.log(SURE / (1 - SURE))), 0.0)
-        easiest = min(easiest, _root(needed, float(gains.max())))
-        by_lot = min(by_lot, _root(needed, _seldom_less(gains)))
-    return easiest, by_lot
+    to_unit = ways[:, there] / np.sqrt(
+        seen[there]
+    )  # (k, m): numbers of an effect of severity 1, one way each
+
+    def gains(slab: float, given: dict[Cause, np.ndarray]) -> tuple[np.ndarray, float]:
+        Q, cost = evidence.alone(cause, slab, given)
+        return to_unit.T @ Q @ to_unit, cost
+
+    odds = evidence.prior((cause,)) - evidence.prior(()) - evidence.chosen((cause,))
+    slabs = evidence.slabs[cause]
+    effect = [(Q, cost - odds) for Q, cost in (gains(slab, {}) for slab in slabs)]
+    larger = []
+    for ratio, share in wider(evidence, declared, cause):
+        Q, cost = gains(slabs[0], {cause: ratio})
+        larger.append((Q, cost - share))
+    best = [np.linalg.eigh(Q)[1][:, -1] for Q, _ in effect]
+    lot = np.random.default_rng(0).standard_normal((DRAWN, len(best[0])))
+    lot /= np.linalg.norm(lot, axis=1)[:, None]
+    if len(best[0]) == 1:
+        lot = lot[:1]
+    found = _least(np.vstack([best, lot]), effect, larger)
+    by_lot = float(np.sort(found[len(best) :])[int(np.ceil(SURE * len(lot))) - 1])
+    return float(found[: len(best)].min()), by_lot
 
 
-def _seldom_less(gains: np.ndarray) -> float:
-    """The gain that ``SURE`` of all ways have or exceed."""
-    if len(gains) == 1:
-        return float(gains[0])
-    u2 = np.random.default_rng(0).standard_normal((DRAWN, len(gains))) ** 2
-    return float(np.quantile(u2 @ gains / u2.sum(axis=1), 1 - SURE))
+def _least(
+    ways: np.ndarray, effect: Sequence[tuple[np.ndarray, float]], larger: Sequence[tuple[np.ndarray, float]]
+) -> np.ndarray:
+    """(n,): severities from which on an effect would be found, off in ``ways`` (n, m) of length 1; inf beyond ``MOST``.
+    ``effect``, ``larger``: quadratic forms (m, m) and what they cost, of the effect and of larger tolerances."""
 
+    def of(forms: Sequence[tuple[np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
+        gains = [np.einsum("ij,jk,ik->i", ways, Q, ways) for Q, _ in forms]
+        return np.array(gains).reshape(-1, len(ways)), np.array([cost for _, cost in forms])
 
-def _root(needed: float, gain: float) -> float:
-    found = float(np.sqrt(needed / gain)) if gain > 0 else np.inf
-    return found if found <= MOST else np.inf
+    (gain, cost), (hidden, spent) = of(effect), of(larger)
+
+    def shown(s: np.ndarray) -> np.ndarray:
+        """(n,) bool at severities (n,)."""
+        for_it = (gain * s**2 - cost[:, None]).max(axis=0)
+        against = np.vstack([np.zeros(len(s)), hidden * s**2 - spent[:, None]])
+        return np.asarray(for_it - np.logaddexp.reduce(against) >= np.log(SURE / (1 - SURE)))
+
+    rungs = np.geomspace(LEAST, MOST, RUNGS)
+    steps = np.array([shown(np.full(len(ways), s)) for s in rungs])
+    first = np.argmax(steps, axis=0)
+    high = rungs[first]
+    low = np.where(first > 0, rungs[first - 1], 0.0)
+    for _ in range(HALVES):
+        middle = (low + high) / 2
+        ok = shown(middle)
+        low, high = np.where(ok, low, middle), np.where(ok, middle, high)
+    return np.where(steps.any(axis=0), high, np.inf)

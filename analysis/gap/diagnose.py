@@ -220,7 +220,7 @@ def diagnose(
         edges=_edges(held, by, shown),
         metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
         verification=check,
-        smallest=detectable(fitted.evidence),
+        smallest=detectable(fitted.evidence, fitted.declared),
         over_declared=fitted.factors,
         rehearsal=rehearsal,
     )

@@ -186,17 +186,18 @@ class Evidence:
             log_det,
         )
 
-    def alone(self, cause: Cause, slab: float) -> tuple[np.ndarray, float]:
-        """Of captures that differ from the scene by θ (k,) of a cause alone: Q (k, k), its score over none's being
+    def alone(
+        self, cause: Cause, slab: float, given: Given = MappingProxyType({})
+    ) -> tuple[np.ndarray, float]:
+        """Of captures that differ from the scene by θ (k,) of a cause alone: Q (k, k), its log Z over none's being
         θ' Q θ less the second."""
-        wide, ratio = self._wide((cause,), (slab,))
+        wide, ratio = self._wide((cause,), (slab,), given)
         delta = ratio**-2 - 1.0
         inner = np.eye(len(wide)) + delta[:, None] * self.C[np.ix_(wide, wide)]
         A = self.C[wide] @ (self.e.G[:, wide] * self.spike[:, None])
         Q = -0.5 * A.T @ np.linalg.solve(inner, delta[:, None] * A)
         cost = 0.5 * float(np.linalg.slogdet(inner)[1]) + float(np.log(ratio).sum())
-        cost += self.chosen((cause,))
-        return (Q + Q.T) / (2 * TAU), cost / TAU + self.prior(()) - self.prior((cause,))
+        return (Q + Q.T) / 2, cost
 
     def theta(self, h: Hypothesis) -> np.ndarray:
         """(q,): posterior mean of every term under a hypothesis."""

@@ -54,6 +54,7 @@ class Fit:
     evidence: Evidence
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
     doubted: np.ndarray  # (q,): standard deviation of every term where the causes' formulas are in doubt
+    declared: np.ndarray  # (q,): standard deviation of every term as tolerances declare it
     left_out: np.ndarray  # (n, q): theta without one condition after the other, no row where few tell
     cautions: dict[Cause, Caution]  # of the causes
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
@@ -198,6 +199,7 @@ def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
         evidence,
         parts,
         doubted,
+        declared[:q],
         left_out,
         careful,
     )

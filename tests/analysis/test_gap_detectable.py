@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.gap.caution import tail
 from analysis.gap.detectable import SURE, detectable
 from analysis.gap.evidence import SLABS, SLIGHT, Evidence
 from analysis.gap.normal_equations import NormalEquations
@@ -29,29 +30,28 @@ def seen(e: Evidence, b: np.ndarray) -> Evidence:
 
 
 def probability(e: Evidence, cause: str) -> float:
-    none = e.at((), ()).score
-    one = max(e.at(((cause, ""),), (s,)).score for s in e.slabs[cause, ""])
-    return 1 / (1 + np.exp(none - one))
+    h = e.best(((cause, ""),), {})
+    return 1 - tail(e, e.spike, h, (cause, ""))
 
 
 @pytest.mark.parametrize("name", ["vignetting", "texture"])
 def test_what_is_told_is_where_the_probability_is_reached(name: str) -> None:
     e = evidence()
     k = [t.cause for t in e.terms].index(name)
-    told = next(d for d in detectable(e) if d.cause[0] == name)
+    told = next(d for d in detectable(e, e.spike) if d.cause[0] == name)
     for factor, sure in ((0.99, False), (1.01, True)):
         size = factor * told.easiest / e.share[k]
         assert bool(probability(seen(e, e.e.G[:, k] * size), name) > SURE) == sure
 
 
 def test_what_is_not_in_the_image_is_not_told() -> None:
-    assert {d.cause[0] for d in detectable(evidence())} == {"vignetting", "texture"}
+    assert {d.cause[0] for d in detectable(evidence(), np.full(3, 0.002))} == {"vignetting", "texture"}
 
 
 def test_a_wider_tolerance_hides_more() -> None:
     e = evidence()
     wide = Evidence(e.e, [replace(t, spike=5 * t.spike) for t in e.terms])
-    assert detectable(wide)[0].easiest > 2 * detectable(e)[0].easiest
+    assert detectable(wide, wide.spike)[0].easiest > 2 * detectable(e, e.spike)[0].easiest
 
 
 def test_a_way_drawn_by_lot_is_harder_than_the_best_and_the_worst_target_the_hardest() -> None:
@@ -61,8 +61,9 @@ def test_a_way_drawn_by_lot_is_harder_than_the_best_and_the_worst_target_the_har
     spikes = {("a", "p"): 0.002, ("a", "q"): 0.05, ("b", "p"): 0.05}
     terms = [Term("light_position", t, n, "1", s, lambda s: None) for (t, n), s in spikes.items()]
     e = NormalEquations(X @ X.T, np.zeros(3), 0.0, 900 / 0.05**2, np.full(3, 900 / 0.05**2), 0.0, 900)
-    (both,) = detectable(Evidence(e, terms))
-    (first,) = detectable(Evidence(e.of(np.array([0, 1])), terms[:2]))
+    own = np.array(list(spikes.values()))
+    (both,) = detectable(Evidence(e, terms), own)
+    (first,) = detectable(Evidence(e.of(np.array([0, 1])), terms[:2]), own[:2])
     assert both.cause == first.cause == ("light_position", "a")
     assert first.easiest < first.hardest < both.hardest
     assert both.easiest == pytest.approx(first.easiest, rel=0.2)  # one more lamp to choose among
@@ -75,5 +76,6 @@ def test_shares_and_ways_are_counted_as_the_evidence_counts_them() -> None:
     for slab in (SLIGHT, *SLABS):
         Q, cost = e.alone(("texture", ""), slab)
         there = seen(e, e.e.G[:, 1] * theta)
-        want = there.at((("texture", ""),), (slab,)).score - there.at((), ()).score
+        want = there.at((("texture", ""),), (slab,)).log_Z - there.at((), ()).log_Z
+        want += there.chosen((("texture", ""),))
         assert theta**2 * Q[0, 0] - cost == pytest.approx(want, rel=1e-6)
