@@ -29,7 +29,7 @@ from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
-from analysis.gap.findings import beside_unknown, effects_found, noise_effect, what_is_unknown
+from analysis.gap.findings import beside_unknown, cautious, effects_found, noise_effect, what_is_unknown
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
@@ -200,7 +200,7 @@ def diagnose(
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = [
         *_refuted(fitted),
-        *_cautious(fitted),
+        *cautious(fitted),
         *_wider(fitted),
         *_apertures(fitted),
         *(str(x) for x in lines),
@@ -318,26 +318,6 @@ def _refuted(fitted: Fit) -> list[str]:
         f"without it, so it is taken back."
         for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
     ]
-
-
-def _cautious(fitted: Fit) -> list[str]:
-    """Why causes that the captures together speak for are not called."""
-    notes = []
-    for (name, target), c in fitted.cautions.items():
-        if fitted.probability[name, target] >= PRESENT or (name, target) in fitted.refuted:
-            continue
-        what = f"{name.replace('_', ' ')}{f' of {called(target)}' if target else ''}"
-        if c.tail >= PRESENT:
-            notes.append(
-                f"{what[0].upper()}{what[1:]} looks off by more than the calibration's tolerances, but by no more than "
-                f"calibrations are off now and then ({100 * c.tail:.0f} % probable): it is not called."
-            )
-        elif c.most < PRESENT:
-            notes.append(
-                f"The captures together speak for {what}, but without one or another they differ by "
-                f"{100 * c.spread:.0f} % in how much of it there is: it is not called."
-            )
-    return notes
 
 
 def _apertures(fitted: Fit) -> list[str]:

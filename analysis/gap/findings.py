@@ -126,3 +126,23 @@ def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
         tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
         out.append((f"something that no effect alone explains (nearest: {tried})", 1 - nothing))
     return tuple(out)
+
+
+def cautious(fitted: Fit) -> list[str]:
+    """Why causes that the captures together speak for are not called."""
+    notes = []
+    for (name, target), c in fitted.cautions.items():
+        if fitted.probability[name, target] >= PRESENT or (name, target) in fitted.refuted:
+            continue
+        what = f"{name.replace('_', ' ')}{f' of {called(target)}' if target else ''}"
+        if c.tail >= PRESENT:
+            notes.append(
+                f"{what[0].upper()}{what[1:]} looks off by more than the calibration's tolerances, but by no more than "
+                f"calibrations are off now and then ({100 * c.tail:.0f} % probable): it is not called."
+            )
+        elif c.most < PRESENT:
+            notes.append(
+                f"The captures together speak for {what}, but how much of it there is changes by "
+                f"{100 * c.spread:.0f} % as one or another is left out: it is not called."
+            )
+    return notes

@@ -17,11 +17,14 @@ from analysis.gap.caution import (
     thetas_without,
 )
 from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.findings import cautious, what_is_unknown
+from analysis.gap.fit import Fit
+from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.terms import Family, Term
 
 SPIKE, PIXELS, NOISE = 0.005, 2000, 0.05
-A = ("a", "")
+A, LAMP = ("a", ""), ("light_spectrum", "/World/Left")
 
 
 def _term(cause: str, **more: object) -> Term:
@@ -138,6 +141,42 @@ def test_few_conditions_and_places_do_not_tell() -> None:
     cells = Evidence(total_of(parts), [_term("a", family=Family(lambda s: None, ("here",))), _term("b")])
     s, _ = spread(cells, h, A, parts, thetas_without(cells, h, parts))
     assert np.isnan(s)
+
+
+def _fit(probability: float, tail: float, most: float) -> Fit:
+    """A fit of which only one cause and what speaks against it are known; log Z is sure that there is something."""
+    h = [Hypothesis((LAMP,), (0.01,), 30.0, 0.0), Hypothesis((), (), 0.0, 0.0)]
+    no = np.zeros(0)
+    model = Model((), no, no)
+    evidence = Evidence(total_of(_conditions([0.1])), [_term("a"), _term("b")])
+    careful = {LAMP: Caution(tail, 0.31, most)}
+    return Fit(model, model, tuple(h), {LAMP: probability}, (), evidence, (), no, no, no[None][:0], careful)
+
+
+def test_a_larger_tolerance_is_no_effect_and_nothing_unknown() -> None:
+    fitted = _fit(0.1, tail=0.9, most=1.0)
+    assert fitted.probability_of_none == pytest.approx(0.9)
+    assert what_is_unknown(fitted) == ()
+    assert cautious(fitted) == [
+        "Light spectrum of Left looks off by more than the calibration's tolerances, but by no more than calibrations "
+        "are off now and then (90 % probable): it is not called."
+    ]
+
+
+def test_what_conditions_do_not_agree_on_is_unknown() -> None:
+    fitted = _fit(0.1, tail=0.0, most=0.1)
+    assert fitted.probability_of_none < 1e-9
+    ((words, p),) = what_is_unknown(fitted)
+    assert "nearest: light spectrum" in words
+    assert p > 0.99
+    assert cautious(fitted) == [
+        "The captures together speak for light spectrum of Left, but how much of it there is changes by 31 % as one or "
+        "another is left out: it is not called."
+    ]
+
+
+def test_what_is_called_needs_no_caution() -> None:
+    assert cautious(_fit(0.9, tail=0.05, most=0.95)) == []
 
 
 def test_the_lesser_of_both() -> None:

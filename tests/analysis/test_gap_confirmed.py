@@ -55,7 +55,20 @@ def test_a_lone_effect_is_judged_against_the_file_at_its_best(share: float, kept
     by, before, after = claimed(share)
     first, second = Standing(before), Standing(after)
     best = Hypothesis((EFFECT,), (0.01,), 0.0, 0.0)
-    fitted = Fit(first, second, (best,), {EFFECT: 0.99}, (), SimpleNamespace(members={}), (), np.zeros(0))
+    none = np.zeros(0)
+    fitted = Fit(
+        first,
+        second,
+        (best,),
+        {EFFECT: 0.99},
+        (),
+        SimpleNamespace(members={}),
+        (),
+        none,
+        none,
+        np.zeros((0, 0)),
+        {},
+    )
     found = confirmed(fitted, by.conditions, by)
     assert found.best.causes == ((EFFECT,) if kept else ())
     assert found.refuted == (() if kept else (EFFECT,))

@@ -67,7 +67,20 @@ def fitted(found: list[Condition]) -> Fit:
     stand = search.stand(np.zeros(search.q), {}, "evidence", {})
     model = Model(search.terms, np.zeros(search.q), np.zeros(search.q))
     evidence = Evidence(total_of(stand.parts), search.terms)
-    return Fit(model, model, stand.hypotheses, {}, search.terms, evidence, stand.parts, np.zeros(search.q))
+    zero = np.zeros(search.q)
+    return Fit(
+        model,
+        model,
+        stand.hypotheses,
+        {},
+        search.terms,
+        evidence,
+        stand.parts,
+        zero,
+        zero,
+        zero[None][:0],
+        {},
+    )
 
 
 def test_an_effect_has_the_severity_that_was_wanted(found, fitted) -> None:
