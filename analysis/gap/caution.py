@@ -1,4 +1,4 @@
-"""Why a cause may be less probable than log Z makes it.
+"""Why a cause may be less probable than log Z makes it, and what is left without a cause.
 
 **Tolerances have tails.** A number of the calibration may be κ times as far off as is declared: κ² has the inverse
 gamma distribution with which errors follow Student's t with ``TAILS`` degrees of freedom. An effect is held against
@@ -8,6 +8,9 @@ that, all else staying as it is.
 share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
 that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio of
 Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it.
+
+**What is left is told.** Noise, the renderer and edges are known to ``KNOWN``: a residual that is larger has a cause,
+whatever it is. Log Z compares hypotheses with each other and does not see it.
 
 Bailey: Not normal: the uncertainties of scientific measurements. Royal Society Open Science 2017 (their tails).
 Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
@@ -26,6 +29,10 @@ TAILS = 8.0  # degrees of freedom
 FARTHEST, RUNGS = 16.0, 12  # of κ
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
 FEWEST = 3  # conditions that may be left out in turn
+KNOWN = 0.025  # of what is to be left, one standard deviation
+MORE = 0.2  # of it, that a cause without a name leaves: one standard deviation
+OUTSIDE = 0.1  # prior probability of such a cause
+SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 
 
 @dataclass(frozen=True)
@@ -136,3 +143,16 @@ def spread(
         return np.nan, n
     beta = left_out[:, index] @ plain.e.G[np.ix_(index, index)] @ theta / energy(plain.e)
     return float(np.sqrt(beta.var() * (len(beta) - 1))), n
+
+
+def left_over(evidence: Evidence, h: Hypothesis) -> tuple[float, float]:
+    """What ``h`` leaves beyond what was to be expected, over that, and the probability that it has a cause without a
+    name. What formulas of strong causes leave is none."""
+    more = evidence.left(h) - 1
+    changed = [evidence.members[c] for c in h.causes]
+    theta = evidence.theta(h)
+    energy = sum(float(theta[i] @ evidence.e.G[np.ix_(i, i)] @ theta[i]) for i in changed)
+    if more <= SHAPE * energy / evidence.e.count:
+        return more, 0.0
+    odds = OUTSIDE / (1 - OUTSIDE) * 2 * KNOWN / MORE
+    return more, float(expit(np.log(odds) + 0.5 * (more / KNOWN) ** 2 - 0.5 * (more / MORE) ** 2))

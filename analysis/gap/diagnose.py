@@ -29,7 +29,14 @@ from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
-from analysis.gap.findings import beside_unknown, cautious, effects_found, noise_effect, what_is_unknown
+from analysis.gap.findings import (
+    beside_left_over,
+    beside_unknown,
+    cautious,
+    effects_found,
+    noise_effect,
+    what_is_unknown,
+)
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
@@ -148,9 +155,6 @@ def diagnose(
             "No pixel of the held-out captures can be compared: all are masked or saturated."
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
-    told("shares", 0.0)
-    taken = attribution(fitted, held, by, shown.before, shown.after, told)
-    findings = effects_found(fitted, taken, shrunk)
     told("noise", 0.0)
     corrected = each(fitted.after.simulated, all_of_them)
     black = sum(
@@ -162,6 +166,10 @@ def diagnose(
         beside_unknown(n, fitted, whole[0].camera.sensor)
         for n in noise_findings(with_black_level(whole, black), corrected, black)
     ]
+    fitted = beside_left_over(fitted, judged)
+    told("shares", 0.0)
+    taken = attribution(fitted, held, by, shown.before, shown.after, told)
+    findings = effects_found(fitted, taken, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, shrunk.after) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))

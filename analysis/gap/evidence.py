@@ -204,6 +204,12 @@ class Evidence:
         wide, _, solved, _ = self._solved(h.causes, h.slabs)
         return np.asarray((self._all_spikes(h.causes)[0] - self.C[:, wide] @ solved) * self.spike)
 
+    def left(self, h: Hypothesis) -> float:
+        """r' W r of what a hypothesis leaves, over what was to be expected of the weights."""
+        theta = self.theta(h)
+        left = self.e.rr - 2 * theta @ self.e.b + theta @ self.e.G @ theta
+        return float(left) / max(self.e.count, 1e-30)
+
     def sigma(self, h: Hypothesis) -> np.ndarray:
         """(q,): standard deviation of every term under a hypothesis."""
         variance = np.diag(self.C).copy()

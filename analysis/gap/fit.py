@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from analysis.gap.aperture import without_apertures
-from analysis.gap.caution import Caution, cautions, thetas_without
+from analysis.gap.caution import Caution, cautions, left_over, thetas_without
 from analysis.gap.chain_terms import black_levels, chain_terms, dark_current
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
@@ -57,6 +57,10 @@ class Fit:
     declared: np.ndarray  # (q,): standard deviation of every term as tolerances declare it
     left_out: np.ndarray  # (n, q): theta without one condition after the other, no row where few tell
     cautions: dict[Cause, Caution]  # of the causes
+    left_over: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # share beyond what was expected, probability that it has a cause
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
@@ -202,6 +206,7 @@ def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
         declared[:q],
         left_out,
         careful,
+        left_over(stand.evidence, best),
     )
 
 

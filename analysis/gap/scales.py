@@ -70,13 +70,6 @@ def widths(shares: Shares, factors: dict[str, float], q: int) -> np.ndarray:
     return out
 
 
-def explained(evidence: Evidence, h: Hypothesis) -> bool:
-    """Whether what a hypothesis leaves is what was to be expected."""
-    e, theta = evidence.e, evidence.theta(h)
-    left = e.rr - 2 * theta @ e.b + theta @ e.G @ theta
-    return bool(left < EXPLAINED * e.count)
-
-
 class Ladder:
     """Some of a stand's ``hypotheses``, best first, under tolerances of other widths: the best ones and all parts of
     the best. ``declared`` (q,): spikes as declared. Families of terms that none of them has are left out."""
@@ -145,7 +138,7 @@ def factors(
 ) -> dict[str, float]:
     """{tolerance: κ}, of those that are not as declared; none where the best of ``hypotheses``, best first, explains
     the captures badly: errors of another kind would pass for calibration's. ``declared`` (q,): spikes as declared."""
-    if not explained(evidence, hypotheses[0]):
+    if evidence.left(hypotheses[0]) >= EXPLAINED:
         return {}
     ladder = Ladder(evidence, declared, shares, hypotheses)
     place = ladder.climbed(dict.fromkeys(ladder.judged, DECLARED), slice(None))
@@ -162,7 +155,7 @@ def averaged(
     """The hypotheses of a stand whose tolerances are ``factors`` times as declared, best first, by all that each
     tolerance may be: one that needs it to be just so is less probable. The best keeps its score, as others' are told
     by it."""
-    if not explained(evidence, hypotheses[0]):
+    if evidence.left(hypotheses[0]) >= EXPLAINED:
         return tuple(hypotheses)
     ladder = Ladder(evidence, declared, shares, hypotheses)
     place = {name: FACTORS.index(factors.get(name, 1.0)) for name in ladder.judged}

@@ -11,15 +11,17 @@ from analysis.gap.caution import (
     TAILS,
     Caution,
     cautions,
+    left_over,
     log_prior_of_kappa,
     spread,
     tail,
     thetas_without,
 )
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.findings import cautious, what_is_unknown
+from analysis.gap.findings import beside_left_over, cautious, what_is_unknown
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
+from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.terms import Family, Term
 
@@ -177,6 +179,47 @@ def test_what_conditions_do_not_agree_on_is_unknown() -> None:
 
 def test_what_is_called_needs_no_caution() -> None:
     assert cautious(_fit(0.9, tail=0.05, most=0.95)) == []
+
+
+@pytest.mark.parametrize(("sigma", "told"), [(1.0, False), (1.02, False), (1.06, True), (1.2, True)])
+def test_what_is_left_has_a_cause_where_it_is_more_than_expected(sigma: float, told: bool) -> None:
+    """Noise σ times as large as expected leaves σ², to sqrt(2 / 40000) = 0.7 %, where 2.5 % are not known."""
+    rng = np.random.default_rng(4)
+    parts = []
+    for _ in range(20):
+        X = rng.standard_normal((2, PIXELS)) / NOISE
+        parts.append(_part(X, sigma * rng.standard_normal(PIXELS)))
+    evidence = Evidence(total_of(parts), [_term("a"), _term("b")])
+    more, p = left_over(evidence, evidence.at((), ()))
+    assert more == pytest.approx(sigma**2 - 1, abs=0.03)
+    assert (p > 0.9) == told
+    assert (p < 0.1) == (not told)
+
+
+def test_what_the_formula_of_a_strong_cause_leaves_is_not_told() -> None:
+    """The second column is a thirtieth of the cause's energy and no part of its formula: 60 % more than noise."""
+    parts = []
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        X = rng.standard_normal((2, PIXELS)) / NOISE
+        parts.append(_part(X[:1], 0.2 * X[0] + 0.0365 * X[1] + rng.standard_normal(PIXELS)))
+    evidence = Evidence(total_of(parts), [_term("a")])
+    h = evidence.best((A,), {})
+    assert left_over(evidence, h) == (pytest.approx(0.53, abs=0.03), 0.0)
+    assert left_over(evidence, evidence.at((), ()))[1] > 0.99  # without the cause
+
+
+def _noise(probability: float) -> NoiseFinding:
+    return NoiseFinding("sensor_noise", probability, {})
+
+
+def test_beside_what_is_left_a_cause_is_less_probable_unless_it_is_noise() -> None:
+    fitted = replace(_fit(0.9, tail=0.0, most=1.0), left_over=(0.3, 0.98))
+    (words, p), *_ = what_is_unknown(replace(fitted, probability={LAMP: 0.9}))
+    assert words.startswith("30 % more χ² is left")
+    assert p == 0.98
+    assert beside_left_over(fitted, [_noise(0.99)]).left_over == (0.3, 0.0)
+    assert beside_left_over(fitted, [_noise(0.2)]).probability[LAMP] < 0.1  # it changes nothing here
 
 
 def test_the_lesser_of_both() -> None:
