@@ -148,9 +148,10 @@ def test_few_conditions_and_places_do_not_tell() -> None:
 def _fit(probability: float, tail: float, most: float) -> Fit:
     """A fit of which only one cause and what speaks against it are known; log Z is sure that there is something."""
     h = [Hypothesis((LAMP,), (0.01,), 30.0, 0.0), Hypothesis((), (), 0.0, 0.0)]
-    no = np.zeros(0)
-    model = Model((), no, no)
-    evidence = Evidence(total_of(_conditions([0.1])), [_term("a"), _term("b")])
+    no, theta = np.zeros(0), np.array([0.1, 0.0])
+    terms = [_term(LAMP[0], target=LAMP[1]), _term("b")]
+    model = Model(tuple(terms), theta, np.zeros(2))
+    evidence = Evidence(total_of(_conditions([0.1])), terms)
     careful = {LAMP: Caution(tail, 0.31, most)}
     return Fit(model, model, tuple(h), {LAMP: probability}, (), evidence, (), no, no, no[None][:0], careful)
 
@@ -219,7 +220,10 @@ def test_beside_what_is_left_a_cause_is_less_probable_unless_it_is_noise() -> No
     assert words.startswith("30 % more χ² is left")
     assert p == 0.98
     assert beside_left_over(fitted, [_noise(0.99)]).left_over == (0.3, 0.0)
-    assert beside_left_over(fitted, [_noise(0.2)]).probability[LAMP] < 0.1  # it changes nothing here
+    e = fitted.evidence.e
+    own, left = 0.1**2 * e.G[0, 0], 0.98 * 0.3 * e.count
+    found = beside_left_over(fitted, [_noise(0.2)])
+    assert found.probability[LAMP] == pytest.approx(0.9 * own / (own + left))
 
 
 def test_the_lesser_of_both() -> None:
