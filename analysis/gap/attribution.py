@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import STAGES
-from analysis.gap.fit import Fit
+from analysis.gap.fit import SLIGHT, Fit
 from analysis.gap.model import Model
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
@@ -17,7 +17,7 @@ CATALOGUED = {name for names in STAGES.values() for name in names}
 PRESENT = 0.5
 KEPT = 0.25  # of what an effect claims on held-out captures: with less, its slope there is under 0.63
 SEEN = 16.0  # sigma²: of less noise hides half
-UNKNOWN, UNCERTAIN = "outside the catalogue", "less certain causes"
+UNKNOWN = "outside the catalogue"
 
 Told = Callable[[str, float], None]
 Cause = tuple[str, str]
@@ -25,7 +25,7 @@ Cause = tuple[str, str]
 
 @dataclass(frozen=True, eq=False)
 class Attribution:
-    """``players``: effects found, and what else is in the best hypothesis; ``chi2`` of every set of them on the
+    """``players``: effects found, and what is outside the catalogue; ``chi2`` of every set of them on the
     held-out captures, ``share``: what each takes off it (Shapley)."""
 
     players: dict[str, tuple[Cause, ...]]
@@ -37,9 +37,8 @@ def attribution(
     fitted: Fit, held: Sequence[Condition], by: Yardstick, before: Images, after: Images, told: Told
 ) -> Attribution:
     players: dict[str, tuple[Cause, ...]] = {}
-    for cause in fitted.best.causes:
-        sure = fitted.probability.get(cause, 0.0) >= PRESENT
-        name = (cause[0] if cause[0] in CATALOGUED else UNKNOWN) if sure else UNCERTAIN
+    for cause in called(fitted):
+        name = cause[0] if cause[0] in CATALOGUED else UNKNOWN
         players[name] = (*players.get(name, ()), cause)
     chi2: dict[frozenset[str], float] = {}
     sets = Sets(fitted)
@@ -95,6 +94,28 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
             probability={**fitted.probability, worst: 0.0},
             refuted=(*fitted.refuted, worst),
         )
+
+
+def called(fitted: Fit) -> list[Cause]:
+    """The causes that are probable."""
+    return [c for c in fitted.best.causes if fitted.probability.get(c, 0.0) >= PRESENT]
+
+
+def only_called(fitted: Fit) -> Fit:
+    """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
+    nothing."""
+    best, kept = fitted.best, called(fitted)
+    if len(kept) == len(best.causes):
+        return fitted
+    if not kept:
+        return replace(fitted, after=fitted.before)
+    fewer = replace(best, causes=tuple(kept), slabs=tuple(best.slabs[best.causes.index(c)] for c in kept))
+    out = np.array([t.candidate in best.causes and t.candidate not in kept for t in fitted.terms], bool)
+    at = np.where(out, fitted.before.at, fitted.after.at)
+    theta = fitted.evidence.theta(fewer)
+    slight = np.abs(theta - at) * fitted.evidence.share < SLIGHT
+    of_kept = np.array([t.candidate in kept for t in fitted.terms], bool)
+    return replace(fitted, after=replace(fitted.after, theta=np.where(slight & ~of_kept, at, theta), at=at))
 
 
 def taken_off(by: Yardstick, before: Images, after: Images) -> float:

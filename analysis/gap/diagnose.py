@@ -18,6 +18,7 @@ from analysis.gap.attribution import (
     Told,
     attribution,
     confirmed,
+    only_called,
     waterfall,
     without,
 )
@@ -144,10 +145,17 @@ def diagnose(
     fitted = _no_worse([c for c in all_of_them if not c.held_out], fitted)
     after = each(fitted.after.simulated, held)
     fitted = confirmed(fitted, held, yardstick(held, after, scale))
+    told("noise", 0.0)
+    corrected = each(fitted.after.simulated, all_of_them)
+    judged = _noise(fitted, whole, corrected)
+    sure = only_called(beside_left_over(fitted, judged))
+    if sure.after is not fitted.after:
+        corrected = each(sure.after.simulated, all_of_them)
+    fitted = sure
     shown = Simulations(
         tuple(c.simulated().dn for c in held),
         tuple(each(fitted.before.simulated, held)),
-        tuple(each(fitted.after.simulated, held)),
+        tuple(dn for c, dn in zip(all_of_them, corrected, strict=True) if c.held_out),
     )
     by = yardstick(held, shown.after, scale)
     if not any(ok.any() for ok in by.ok):
@@ -155,18 +163,6 @@ def diagnose(
             "No pixel of the held-out captures can be compared: all are masked or saturated."
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
-    told("noise", 0.0)
-    corrected = each(fitted.after.simulated, all_of_them)
-    black = sum(
-        float(x)
-        for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
-        if (t.cause, t.parameter) == ("black_level", "black_level")
-    )
-    judged = [
-        beside_unknown(n, fitted, whole[0].camera.sensor)
-        for n in noise_findings(with_black_level(whole, black), corrected, black)
-    ]
-    fitted = beside_left_over(fitted, judged)
     told("shares", 0.0)
     taken = attribution(fitted, held, by, shown.before, shown.after, told)
     findings = effects_found(fitted, taken, shrunk)
@@ -233,6 +229,17 @@ def diagnose(
         rehearsal=rehearsal,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
+
+
+def _noise(fitted: Fit, whole: Sequence[Condition], corrected: Sequence[np.ndarray]) -> list[NoiseFinding]:
+    """Effects that do not move the mean image, each as probable as it is beside what was fitted."""
+    black = sum(
+        float(x)
+        for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
+        if (t.cause, t.parameter) == ("black_level", "black_level")
+    )
+    found = noise_findings(with_black_level(whole, black), corrected, black)
+    return [beside_unknown(n, fitted, whole[0].camera.sensor) for n in found]
 
 
 def _no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:

@@ -1,0 +1,48 @@
+"""What is not probable closes nothing, and what is left is fitted without it."""
+
+import numpy as np
+import pytest
+
+from analysis.gap.attribution import called, only_called
+from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.fit import Fit
+from analysis.gap.model import Model
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.terms import Term
+
+A, B = ("response_curve", ""), ("exposure", "")
+
+
+def _fit(p_a: float, p_b: float) -> Fit:
+    """Two causes that do nearly the same; both were fitted."""
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal(3000) / 0.05
+    X = np.stack([x, x + 0.3 * rng.standard_normal(3000) / 0.05])
+    r = 0.3 * X[0] + 0.2 * X[1] + rng.standard_normal(3000)
+    signal = 3000 / 0.05**2
+    e = NormalEquations(X @ X.T, X @ r, float(r @ r), signal, np.full(2, signal), 0.0, 3000)
+    terms = tuple(Term(*c, "p", "1", 0.001, lambda s: None) for c in (A, B))
+    evidence, both, none = Evidence(e, terms), Hypothesis((A, B), (0.1, 0.1), 30.0, 0.0), np.zeros(2)
+    before, after = Model(terms, none, none), Model(terms, evidence.theta(both), none)
+    return Fit(before, after, (both,), {A: p_a, B: p_b}, terms, evidence, (), none, none, none[None][:0], {})
+
+
+def test_all_that_is_called_stays_as_it_was_fitted() -> None:
+    fitted = _fit(0.9, 0.8)
+    assert called(fitted) == [A, B]
+    assert only_called(fitted) is fitted
+    assert fitted.after.theta == pytest.approx([0.3, 0.2], abs=0.01)
+
+
+def test_what_is_called_is_fitted_without_the_rest() -> None:
+    """Least squares of the sum on the first column alone, as the second is 1.04 of it in the mean square."""
+    sure = only_called(_fit(0.9, 0.3))
+    assert called(sure) == [A]
+    G, b = sure.evidence.e.G, sure.evidence.e.b
+    assert sure.after.theta[0] == pytest.approx(b[0] / G[0, 0], rel=0.01)
+    assert abs(sure.after.theta[1]) < 0.01
+
+
+def test_nothing_called_is_the_file_at_its_best() -> None:
+    fitted = _fit(0.3, 0.3)
+    assert only_called(fitted).after is fitted.before
