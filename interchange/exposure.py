@@ -156,7 +156,7 @@ def steps_of(camera: Camera, through: Sequence[Effect], until: Quantity) -> list
     ):
         later = stages[Stage.SENSOR][len(early_ones) :]
         steps += [
-            Step("electrons", True, _at_sites(early_ones, electrons, sensor.mosaic)),
+            Step("electrons", True, _at_sites(early_ones, electrons, camera)),
             *(_step(e, camera) for e in later),
         ]
     else:
@@ -182,7 +182,7 @@ def _electrons(camera: Camera, until: Quantity) -> np.ndarray:
     return (R * camera.t_exp / camera.lens.projected_solid_angle).astype(np.float32)
 
 
-def _at_sites(effects: Sequence[Effect], electrons: np.ndarray, pattern: Mosaic) -> Function:
+def _at_sites(effects: Sequence[Effect], electrons: np.ndarray, camera: Camera) -> Function:
     """Electrons, their scale, crosstalk and mosaic at once: a pixel needs the sum of its own channel alone."""
 
     def charge(image: Image, rng: np.random.Generator | None) -> Image:
@@ -192,7 +192,7 @@ def _at_sites(effects: Sequence[Effect], electrons: np.ndarray, pattern: Mosaic)
             raise BrightfieldError(
                 f"A colour mosaic needs an image of three channels; got {image.pixels.shape[2]}."
             )
-        weights = np.roll(fused.weights_of(effects, electrons, pattern), -(image.first_row % 2), axis=0)
+        weights = np.roll(fused.weights_of(effects, electrons, camera), -(image.first_row % 2), axis=0)
         e = kernels.at_sites(np.ascontiguousarray(image.pixels), weights.astype(np.float32))
         return replace(image, pixels=e, quantity=Quantity.ELECTRONS)
 

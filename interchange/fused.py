@@ -47,14 +47,14 @@ READ_OUT = (HotPixels, SensorNoise, LineNoise, FixedPattern, Saturation, BlackLe
 NONE, LINE = np.empty((0, 0), np.float32), np.empty(0, np.float32)
 
 
-def weights_of(effects: Sequence[Effect], electrons: np.ndarray, pattern: Pattern) -> np.ndarray:
+def weights_of(effects: Sequence[Effect], electrons: np.ndarray, camera: Camera) -> np.ndarray:
     """(2, 2, 3) float64: electrons of a site by row and column parity, of each channel's irradiance: exposure,
     crosstalk and mosaic at once. A monochrome sensor's sites are alike and see the mean."""
-    matrix, scale = np.eye(3), 1.0
+    matrix, scale, pattern = np.eye(3), 1.0, camera.sensor.mosaic
     for effect in effects:
         match effect:
             case Exposure():
-                scale *= effect.scale
+                scale *= effect.factor(camera.t_exp)
             case ColorCrosstalk():
                 matrix = effect.matrix
     out = np.empty((2, 2, 3))
@@ -239,7 +239,7 @@ def through(
         raise BrightfieldError(
             f"A colour mosaic needs an image of three channels; got {image.pixels.shape[2]}."
         )
-    weights = weights_of(first, scale * electrons.astype(np.float64), camera.sensor.mosaic)
+    weights = weights_of(first, scale * electrons.astype(np.float64), camera)
     sites = Sites(local, glare, weights)(image.pixels)
     if np.isnan(np.sum(sites)):
         raise BrightfieldError(NOT_FINITE)  # before it becomes a whole number

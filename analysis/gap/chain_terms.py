@@ -38,7 +38,11 @@ MINOR = {
     "red3": 0.5,
     "blue3": 0.5,
 }  # parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share
-REDUNDANT = {("white_balance", "green")}  # with the exposure it is any other two
+DELAY = "delay"  # of the exposure
+REDUNDANT = {
+    ("white_balance", "green"),
+    ("exposure", DELAY),
+}  # with the exposure it is any other two; told apart below
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
 CROSS_STEP = 0.7  # px, of the step that a path's product is told by
@@ -124,6 +128,20 @@ def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
     spike = tolerances.black_level_dn / (longest.sensor.K * longest.t_exp)
     sheet = longest.sensor.dark_current
     return [Term("black_level", "", DARK, "e-/s", spike, field, low=-sheet, start=sheet)]
+
+
+def shutter_delay(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """How much longer the shutter is open than is set, where exposures tell: at the shortest of them as far off as an
+    exposure may be."""
+    times = [c.camera.t_exp for c in conditions]
+    if max(times) < APART * min(times):
+        return []
+
+    def field(s: State) -> np.ndarray:
+        return np.asarray(s.signal / np.float32(s.camera.t_exp))
+
+    spike = tolerances.light_intensity / 5 * min(times)
+    return [Term("exposure", "", DELAY, "s", spike, field)]
 
 
 def _across(down: Term, model: type[Effect]) -> Term:

@@ -22,7 +22,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.chain_terms import signed
+from analysis.gap.chain_terms import DELAY, signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
@@ -193,6 +193,11 @@ def diagnose(
         f.name: "Its pattern in places is in no scene file."
         for f in findings
         if "rms in places" in f.parameters
+    }
+    left |= {
+        f.name: "How much longer the shutter is open than is set is in no scene file."
+        for f in findings
+        if DELAY in f.parameters and abs(f.parameters[DELAY].value) > 2 * f.parameters[DELAY].sigma
     }
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
     check = None

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.gap.aperture import without_apertures
 from analysis.gap.caution import Caution, cautions, left_over, thetas_without
-from analysis.gap.chain_terms import black_levels, chain_terms, dark_current
+from analysis.gap.chain_terms import black_levels, chain_terms, dark_current, shutter_delay
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
@@ -259,6 +259,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         *chain_terms(State(bright), tolerances),
         *black_levels(conditions, tolerances),
         *dark_current(conditions, tolerances),
+        *shutter_delay(conditions, tolerances),
         *saturation_terms(conditions, tolerances),
         *generic_terms(conditions, tolerances),
         *left_of_lines(conditions),

@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.chain_terms import black_levels, chain_terms, dark_current, effects_at, signed
+from analysis.gap.chain_terms import (
+    black_levels,
+    chain_terms,
+    dark_current,
+    effects_at,
+    shutter_delay,
+    signed,
+)
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.geometry_terms import EACH, geometry_terms
@@ -16,6 +23,7 @@ from analysis.gap.subpixel_terms import PRODUCT, straight
 from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Tolerances
+from interchange.effects.exposure import Exposure
 from interchange.effects.motion_blur import MotionBlur
 from interchange.effects.veiling_glare import VeilingGlare
 from interchange.light import Light, LightKind
@@ -116,6 +124,20 @@ def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condi
     change = Change("black_level", "", {"dark_current": 100.0}, {"dark_current": 0.0})
     scene = replace(condition.scene, cameras=(condition.camera,))
     assert changed(scene, scene, change).cameras[0].sensor.dark_current == pytest.approx(100)
+
+
+def test_a_late_shutter_is_what_the_effect_gives_where_exposures_tell(condition: Condition) -> None:
+    """20 ms beyond 1 s and 4 s, by the effect itself; of one exposure it is the exposure."""
+    longer = replace(condition, camera=replace(condition.camera, t_exp=4.0))
+    assert shutter_delay([condition, condition], Tolerances()) == []
+    (term,) = shutter_delay([condition, longer], Tolerances())
+    assert term.candidate == ("exposure", "")
+    assert term.spike == pytest.approx(0.001 * condition.camera.t_exp)
+    for c in (condition, longer):
+        real = State(c).dn([Exposure(delay=0.02)]) - State(c).dn(())
+        assert 0.02 * np.asarray(term.field(State(c))) == pytest.approx(real, rel=1e-3, abs=1e-3)
+    told = [t.parameter for t in chain_terms(State(condition), Tolerances()) if t.cause == "exposure"]
+    assert told == ["scale"]
 
 
 def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition) -> None:
