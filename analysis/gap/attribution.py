@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import STAGES
 from analysis.gap.fit import SLIGHT, Fit
@@ -61,18 +62,18 @@ def attribution(
 
 
 def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
-    """Less the effects that the held-out captures refute.
+    """Less the causes, with a name or without, that the held-out captures refute; what is left over is told anew then.
 
-    What an effect changes there, δ, would take off Σ δ² / σ² if it were all true, and takes off 2 β - 1 of that, β the
-    slope of what captures have beyond the others on δ. Where that is less than ``KEPT``, most of it is not there; an
-    effect that would not be seen there either way is not judged.
+    What a cause changes there, δ, would take off Σ δ² / σ² if it were all true, and takes off 2 β - 1 of that, β the
+    slope of what captures have beyond the others on δ. Where that is less than ``KEPT``, most of it is not there; one
+    that would not be seen there either way is not judged.
     """
     sets = Sets(fitted)
     while True:
         best, after = fitted.best, [fitted.after.simulated(c) for c in held]
         gone = [c for c in sets.causes if c not in best.causes]
         left = {}
-        for cause in (c for c in best.causes if c[0] in CATALOGUED):
+        for cause in best.causes:
             if best.causes == (cause,):  # then what the file claims at its best is all that is left
                 less = [fitted.before.simulated(c) for c in held]
             else:
@@ -93,6 +94,7 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
             hypotheses=(fewer, *fitted.hypotheses),
             probability={**fitted.probability, worst: 0.0},
             refuted=(*fitted.refuted, worst),
+            left_over=left_over(fitted.weighed, fewer),
         )
 
 

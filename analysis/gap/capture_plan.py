@@ -211,7 +211,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term
         *light_terms(conditions, tolerances),
         *shaded(conditions, tolerances),
         *material_terms(conditions, tolerances),
-        *chain_terms(State(bright), tolerances),
+        *chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions}),
     ]
     return [t for t in found if not t.generic]
 

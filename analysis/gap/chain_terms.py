@@ -5,7 +5,7 @@ Which parameters there are, their units and their bounds, the effects' own files
 square of its parameter (a blur's width) the term is the square.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -49,11 +49,15 @@ CROSS_STEP = 0.7  # px, of the step that a path's product is told by
 SHARED = 0.7  # of a black level's tolerance, by all cameras
 DARK = "dark_current"  # of the black level
 APART = 2.0  # times, from which on exposures tell it from the level
+VIBRATION = "vibration"  # a path that is as long in every exposure
+EVENLY = 1.2  # times, up to which exposures do not tell that
 TYPICAL = 0.01  # rms of an effect over the signal, at which its sensitivity is taken
 
 
-def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
-    """The terms that ``state``'s condition shows (linearised where the effects of the chain are the camera's own)."""
+def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[float] = ()) -> list[Term]:
+    """The terms that ``state``'s condition shows (linearised where the effects of the chain are the camera's own).
+    ``exposures`` s: of all conditions; where they differ they tell a motion, whose path grows with them, from a
+    vibration, which is done with many times in each."""
     base = state.dn(())
     signal = float(np.sqrt(np.mean((base - state.simulation.black) ** 2))) or 1.0
     absolute = {"black_level": SHARED * tolerances.black_level_dn, "exposure": tolerances.light_intensity / 5}
@@ -62,12 +66,14 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]
         found = []
-        for parameter, about in parameters(model).items():
+        steady = ("", VIBRATION) if name == "motion_blur" and _differ(exposures) else ("",)
+        for parameter, about, target in ((*x, t) for t in steady for x in parameters(model).items()):
             if (name, parameter) in REDUNDANT:
                 continue
             own = model.of(state.camera)
             start = float(getattr(own, parameter))
-            t_exp = state.camera.t_exp if parameter in model.grows_with_exposure else 0.0
+            grows = parameter in model.grows_with_exposure and target != VIBRATION
+            t_exp = state.camera.t_exp if grows else 0.0
             told = subpixel(model, parameter, start, t_exp) if finely else None
             if told is None:
                 told = _by_difference(state, own, parameter, about, base, signal, t_exp)
@@ -78,9 +84,10 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
             found.append(
                 Term(
                     cause=name,
-                    target="",
+                    target=target,
                     parameter=parameter,
                     unit=about.unit,
+                    form=len(steady) > 1,
                     spike=absolute.get(name, tolerances.flat_field * (EDGED if name in EDGES else SMOOTH)),
                     field=field,
                     relative=name not in absolute,
@@ -93,14 +100,18 @@ def chain_terms(state: State, tolerances: Tolerances) -> list[Term]:
                 )
             )
         if {t.parameter for t in found} >= {"u", "v"} and name == "motion_blur":
-            v = next(t for t in found if t.parameter == "v")
-            found.append(
-                replace(v, parameter=PRODUCT, unit="px^2", power=1, low=-np.inf, field=across(v.t_exp))
-                if finely
-                else _across(v, model)
-            )
+            for v in [t for t in found if t.parameter == "v"]:
+                found.append(
+                    replace(v, parameter=PRODUCT, unit="px^2", power=1, low=-np.inf, field=across(v.t_exp))
+                    if finely
+                    else _across(v, model)
+                )
         terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
     return terms
+
+
+def _differ(exposures: Collection[float]) -> bool:
+    return bool(exposures) and max(exposures) > EVENLY * min(exposures)
 
 
 def black_levels(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
@@ -150,7 +161,7 @@ def _across(down: Term, model: type[Effect]) -> Term:
 
     def field(s: State) -> np.ndarray:
         now = next((e for e in s.effects if type(e) is model), model.of(s.camera))
-        grown = s.camera.t_exp / down.t_exp
+        grown = down.grown(s)
         u, v, a = float(getattr(now, "u")), float(getattr(now, "v")), CROSS_STEP * grown  # noqa: B009
         others = [e for e in s.effects if type(e) is not model]
         ways = [s.dn([*others, replace(now, u=u + np.copysign(a, u), v=v + w)]) for w in (a, -a)]  # type: ignore[type-var]
@@ -228,18 +239,18 @@ def _difference(
 
 def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], state: State) -> list[Effect]:
     """The effects whose chain terms are not at zero, within their bounds."""
-    found: dict[str, dict[str, float]] = {}
+    found: dict[tuple[str, str], dict[str, float]] = {}
     for term in terms:
         if term.kind == "chain" and theta.get(term.key, 0.0):
-            found.setdefault(term.cause, {})[term.parameter] = theta[term.key]
+            found.setdefault(term.candidate, {})[term.parameter] = theta[term.key]
     made = []
-    for name, values in found.items():
-        model = MODELS[name]
+    for candidate, values in found.items():
+        model = MODELS[candidate[0]]
         own = model.of(state.camera)
         about = parameters(model)
         given = {}
         for term in terms:
-            if term.cause == name and term.parameter in values and term.parameter != PRODUCT:
+            if term.candidate == candidate and term.parameter in values and term.parameter != PRODUCT:
                 t = values[term.parameter]
                 start = float(getattr(own, term.parameter))
                 change = max(t, 0.0) ** 0.5 if term.power == 2 else t

@@ -14,6 +14,9 @@ from interchange.image import Image
 
 COMB = 1.4  # DN from one value that occurs to the next, from which on it is a comb
 LEAST_VALUES = 24  # that must occur
+LEAST_LEVELS = 12  # that must lie between the lowest and the highest code, for a period to be told
+FINE = 16  # frequencies that are looked at, for each of the counts' own
+TOGETHER = 0.8  # mean resultant length of codes that come again
 SPIKE = 5.0  # times as many pixels as at the DN below, at which an image is cut off
 LEAST_CUT = 30  # pixels
 # that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
@@ -53,7 +56,7 @@ def with_steps(conditions: Sequence[Condition]) -> list[Condition]:
 
 def quantization(conditions: Sequence[Condition]) -> NoiseFinding | None:
     """Of the DN between the first and the last percentile, how many occur, against how many would if DN were drawn from
-    the histogram smoothed over 64 of them."""
+    the histogram smoothed over 64 of them; the step is their period, as codes may lie a DN beside the steps'."""
     sensor = conditions[0].camera.sensor
     top = 2**sensor.bits_out - 1
     counts = np.zeros(top + 1)
@@ -75,9 +78,32 @@ def quantization(conditions: Sequence[Condition]) -> NoiseFinding | None:
     spread = np.sqrt(float((likely * (1 - likely)).sum()) + (0.03 * expected) ** 2)
     z = max((expected - occur) / spread, 0.0)
     log_odds = 0.5 * z**2 - 3 if step >= COMB else -3.0
+    off = spread / max(occur, 1.0)
+    if step >= COMB and (found := _period(counts[1:-1], step)) is not None:
+        step, off = found, found / FINE / top
     bits = sensor.bits_out - float(np.log2(max(step, 1.0)))
-    numbers = {"bits": Number(bits, float(spread / max(occur, 1.0) / np.log(2)), "1")}
+    numbers = {"bits": Number(bits, float(off / np.log(2)), "1")}
     return NoiseFinding("quantization", certainty(log_odds), numbers)
+
+
+def _period(counts: np.ndarray, least: float) -> float | None:
+    """The longest distance, DN, from ``least`` on at which codes come again: all their phases lie together, |Σ n_k
+    exp(2πi k / P)| / Σ n_k near 1, which parts of it share and multiples do not. None where codes are too few to tell,
+    or nothing comes again.
+
+    Mardia, Jupp: Directional statistics. Wiley 2000 (mean resultant length).
+    """
+    codes = np.flatnonzero(counts)
+    longest = float(codes[-1] - codes[0]) / LEAST_LEVELS
+    length = FINE * len(counts)
+    first, last = int(np.ceil(length / max(longest, 1.0))), int(min(length / (0.9 * least), length / 2))
+    along = np.abs(np.fft.rfft(counts, length)) / counts.sum()
+    alike = along[first : last + 1] > TOGETHER
+    if last < first or not alike.any():
+        return None
+    near = first + int(np.argmax(alike))
+    end = near + int(np.argmin(np.append(alike, False)[near - first :]))  # of the longest ones that are alike
+    return length / (near + int(np.argmax(along[near:end])))
 
 
 def saturation(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> NoiseFinding | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from analysis.gap.expected import SATURATED, Expected, expected
+from analysis.gap.expected import SATURATED, Expected, Noise, expected
 from analysis.gap.fine_optics import told_apart
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Changes, Rendered
@@ -38,6 +38,7 @@ class Condition:
     uneven: dict[int, float] = field(
         default_factory=dict
     )  # DN rms of lines that were evened, by axis (lines.py)
+    noise: Noise | None = None  # where it is not the data sheet's
 
     @property
     def name(self) -> str:
@@ -65,7 +66,7 @@ class Condition:
             optics, camera, effects = told_apart(camera, effects, self.mean.shape[2])
             if optics.is_there:
                 shown = seen(shown, optics.flow(self.camera, None), blur=optics.blur).here
-        e = expected(shown.radiance(self.scene), camera, effects)
+        e = expected(shown.radiance(self.scene), camera, effects, self.noise)
         if self.mean.shape[2] == e.dn.shape[2]:
             return e
 

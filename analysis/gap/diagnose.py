@@ -44,7 +44,7 @@ from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
-from analysis.gap.noise import noise_findings, with_black_level
+from analysis.gap.noise import noise_findings, with_black_level, with_noise
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
@@ -123,31 +123,36 @@ def diagnose(
     )
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
-    all_of_them, lines = without_lines(
-        without_flat_tops(whole)
-    )  # a flat top would be taken for a response curve
+    evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
+    knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
 
     def redraw(some: Sequence[Condition], standing: Changes) -> list[Condition]:
-        bases = {id(c.shown): c.shown for c in all_of_them}
+        bases = {id(c.shown): c.shown for c in evened}
         there = {}
         for k, (key, base) in enumerate(bases.items()):
             told("rendering anew", k / len(bases))
             there[key] = redrawn(base, standing, render, settings, cache)
-        return with_renderings(some, {c.name: there[id(c.shown)] for c in all_of_them}, standing)
+        return with_renderings(some, {c.name: there[id(c.shown)] for c in evened}, standing)
 
-    knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
-    fitted = fit([c for c in all_of_them if not c.held_out], captures.tolerances, told, knots, redraw)
-    if fitted.redrawn:
-        all_of_them = redraw(all_of_them, fitted.redrawn)
-    told("verdict", 0.0)
+    def stood(
+        some: Sequence[Condition],
+    ) -> tuple[list[Condition], Fit, list[np.ndarray], list[NoiseFinding]]:
+        fitted = fit([c for c in some if not c.held_out], captures.tolerances, told, knots, redraw)
+        there = redraw(some, fitted.redrawn) if fitted.redrawn else list(some)
+        told("verdict", 0.0)
+        fitted = _no_worse([c for c in there if not c.held_out], fitted)
+        held = [c for c in there if c.held_out]
+        fitted = confirmed(fitted, held, yardstick(held, each(fitted.after.simulated, held), scale))
+        told("noise", 0.0)
+        corrected = each(fitted.after.simulated, there)
+        return there, fitted, corrected, _noise(fitted, whole, corrected)
+
+    scale = temporal_scale(evened) or 1.0
+    all_of_them, fitted, corrected, judged = stood(evened)
+    shown_of_noise = with_noise(evened, corrected, judged)
+    if shown_of_noise is not evened:  # weighed by the data sheet, it would be taken for what has no name
+        all_of_them, fitted, corrected, judged = stood(shown_of_noise)
     held = [c for c in all_of_them if c.held_out]
-    scale = temporal_scale(all_of_them) or 1.0
-    fitted = _no_worse([c for c in all_of_them if not c.held_out], fitted)
-    after = each(fitted.after.simulated, held)
-    fitted = confirmed(fitted, held, yardstick(held, after, scale))
-    told("noise", 0.0)
-    corrected = each(fitted.after.simulated, all_of_them)
-    judged = _noise(fitted, whole, corrected)
     sure = only_called(beside_left_over(fitted, judged))
     if sure.after is not fitted.after:
         corrected = each(sure.after.simulated, all_of_them)

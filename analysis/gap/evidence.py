@@ -253,7 +253,9 @@ class Evidence:
 
         def tried(causes: Iterable[Cause]) -> Hypothesis | None:
             causes = tuple(sorted(causes))
-            if sum(self.terms[self.members[c][0]].generic for c in causes) > MOST_GENERIC:
+            first = [self.terms[self.members[c][0]] for c in causes]
+            names = [t.cause for t in first if t.form]
+            if sum(t.generic for t in first) > MOST_GENERIC or len(set(names)) < len(names):
                 return None
             if causes not in found:
                 found[causes] = self.best(causes, width)

@@ -7,7 +7,7 @@ times the square of the response curve's slope.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,29 @@ class Expected:
         return self.temporal + self.fixed
 
 
+@dataclass(frozen=True)
+class Noise:
+    """What captures show of a sensor's noise where that is not its data sheet's. ``gain``: of photon transfer, over the
+    data sheet's K; ``read_noise`` and ``dsnu`` e-, ``prnu`` 1."""
+
+    gain: float
+    read_noise: float
+    prnu: float
+    dsnu: float
+
+    def of(self, camera: Camera) -> Camera:
+        """A camera whose noise is this one's; what it makes of light is another's too."""
+        s = camera.sensor
+        own = replace(
+            s,
+            full_well=s.full_well / self.gain,
+            read_noise=self.read_noise,
+            prnu=self.prnu,
+            dsnu=self.dsnu / self.gain,
+        )
+        return replace(camera, sensor=own)
+
+
 def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
     """(H, W, C) float32: the mean DN of many frames, neither rounded nor clipped."""
     through, camera = chain(camera, effects)
@@ -53,11 +76,14 @@ def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.
     return np.asarray(pixels, np.float32)
 
 
-def expected(radiance: np.ndarray, camera: Camera, effects: Sequence[Effect] = ()) -> Expected:
-    """The expectation of a capture of ``radiance`` (H, W, 3) by ``camera`` at its exposure and gain."""
+def expected(
+    radiance: np.ndarray, camera: Camera, effects: Sequence[Effect] = (), noise: Noise | None = None
+) -> Expected:
+    """The expectation of a capture of ``radiance`` (H, W, 3) by ``camera`` at its exposure and gain; ``noise``: what is
+    known of it, instead of the data sheet's."""
     dn = mean_dn(Image(radiance, Quantity.RADIANCE, camera), camera, effects)
     camera = chain(camera, effects)[1]
-    temporal, fixed = noise_variance(dn, camera)
+    temporal, fixed = noise_variance(dn, camera if noise is None else noise.of(camera))
     return Expected(dn, temporal, fixed, camera.sensor.black_level, float(2**camera.sensor.bits_out - 1))
 
 

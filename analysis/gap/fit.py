@@ -52,6 +52,7 @@ class Fit:
     probability: dict[Cause, float]
     terms: tuple[Term, ...]
     evidence: Evidence
+    weighed: Evidence  # the same with the doubt of the causes' formulas
     parts: tuple[NormalEquations, ...]  # of each condition, at ``after``
     doubted: np.ndarray  # (q,): standard deviation of every term where the causes' formulas are in doubt
     declared: np.ndarray  # (q,): standard deviation of every term as tolerances declare it
@@ -201,6 +202,7 @@ def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
         probability,
         tuple(terms),
         evidence,
+        stand.evidence,
         parts,
         doubted,
         declared[:q],
@@ -256,7 +258,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
             if knots is not None
             else [*moved_objects(conditions, tolerances), *shaded(conditions, tolerances)]
         ),
-        *chain_terms(State(bright), tolerances),
+        *chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions}),
         *black_levels(conditions, tolerances),
         *dark_current(conditions, tolerances),
         *shutter_delay(conditions, tolerances),

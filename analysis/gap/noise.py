@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis.gap.code_findings import code_findings
 from analysis.gap.conditions import Condition
-from analysis.gap.expected import per_electron
+from analysis.gap.expected import Noise, per_electron
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from interchange.effects.sensor_noise import SensorNoise
@@ -41,6 +41,36 @@ def noise_findings(
     """
     judged = (sensor_noise(conditions, simulations, offset), fixed_pattern(conditions, simulations))
     return [*(n for n in judged if n is not None), *code_findings(conditions, simulations)]
+
+
+def with_noise(
+    conditions: list[Condition], simulations: Sequence[np.ndarray], found: Sequence[NoiseFinding]
+) -> list[Condition]:
+    """The conditions with the noise that is ``found`` probably, each camera's fixed pattern what its own pixels show;
+    the same list where it is the data sheet's. ``simulations``: as for ``noise_findings``."""
+    probable = {n.name: n for n in found if n.probability >= 0.5}
+    if not {"sensor_noise", "fixed_pattern"} & set(probable):
+        return conditions
+    out = []
+    patterns: dict[str, NoiseFinding | None] = {}
+    for c in conditions:
+        s, name = c.camera.sensor, c.camera.name
+        noise = Noise(1.0, s.read_noise, s.prnu, s.dsnu)
+        if told := probable.get("sensor_noise"):
+            numbers = told.parameters
+            sheet = next(x.camera.sensor for x in conditions if x.spread is not None)
+            gain = numbers["K"].value / sheet.K
+            noise = replace(noise, gain=gain, read_noise=numbers["read_noise"].value)
+        if "fixed_pattern" in probable:
+            if name not in patterns:
+                own = [k for k, x in enumerate(conditions) if x.camera.name == name]
+                patterns[name] = fixed_pattern([conditions[k] for k in own], [simulations[k] for k in own])
+            told = patterns[name]
+            if told is not None:
+                prnu, dsnu = (told.parameters[n].value for n in ("prnu", "dsnu"))
+                noise = replace(noise, prnu=max(prnu, s.prnu), dsnu=max(dsnu, s.dsnu))
+        out.append(replace(c, noise=noise))
+    return out
 
 
 def with_black_level(conditions: Sequence[Condition], off: float) -> list[Condition]:

@@ -29,7 +29,7 @@ def subpixel(model: type[Effect], parameter: str, start: float, t_exp: float) ->
     """DN a unit, and the power of ``parameter`` that the unit is of; None of what is no such effect, or is a square of
     which the camera has some already, ``start``.
 
-    ``t_exp`` s: the exposure that a path is told at.
+    ``t_exp`` s: the exposure that a path is told at, 0 where it is as long in every one.
     """
     if model is LateralChromaticAberration:
         return _apart(parameter), 1
@@ -47,19 +47,24 @@ def across(t_exp: float) -> Field:
     to the lower left."""
 
     def field(s: State) -> np.ndarray:
-        return np.asarray(np.float32(PATH * (s.camera.t_exp / t_exp) ** 2) * s.twist, np.float32)
+        return np.asarray(np.float32(PATH * grown(s, t_exp) ** 2) * s.twist, np.float32)
 
     return field
 
 
+def grown(s: State, t_exp: float) -> float:
+    """A path at a condition's exposure, over that at ``t_exp``; 0: it is as long in every one."""
+    return s.camera.t_exp / t_exp if t_exp else 1.0
+
+
 def straight(terms: Sequence[Term], at: np.ndarray) -> np.ndarray:
-    """``at`` (q,) with the product of a path's ways as its squares make it: a straight path has no other."""
-    place = {t.parameter: i for i, t in enumerate(terms) if t.cause == MotionBlur.name()}
-    if PRODUCT not in place:
-        return at
-    there, i = at.copy(), place[PRODUCT]
-    size = np.sqrt(max(at[place["u"]], 0.0) * max(at[place["v"]], 0.0))
-    there[i] = np.copysign(size, at[i])
+    """``at`` (q,) with the products of paths' ways as their squares make them: a straight path has no other."""
+    there = at.copy()
+    for i, product in enumerate(terms):
+        if (product.cause, product.parameter) == (MotionBlur.name(), PRODUCT):
+            own = {t.parameter: k for k, t in enumerate(terms) if t.candidate == product.candidate}
+            size = np.sqrt(max(at[own["u"]], 0.0) * max(at[own["v"]], 0.0))
+            there[i] = np.copysign(size, at[i])
     return there
 
 
@@ -101,7 +106,6 @@ def _blurred(s: State) -> np.ndarray:
 
 def _along(axis: int, t_exp: float) -> Field:
     def field(s: State) -> np.ndarray:
-        grown = (s.camera.t_exp / t_exp) ** 2
-        return np.asarray(np.float32(0.5 * PATH * grown) * s.curvature[axis], np.float32)
+        return np.asarray(np.float32(0.5 * PATH * grown(s, t_exp) ** 2) * s.curvature[axis], np.float32)
 
     return field

@@ -63,6 +63,7 @@ class Term:
     cell: int = 0
     part: float = 1.0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
+    form: bool = False  # of an effect that has several: no hypothesis has two of them
 
     @property
     def key(self) -> tuple[str, str, str]:

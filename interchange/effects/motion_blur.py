@@ -26,7 +26,10 @@ class MotionBlur(Effect):
     stage = Stage.OPTICS
     order = 12
     source = "Potmesil, Chakravarty: Modeling motion blur in computer-generated images. SIGGRAPH 1983."
-    identified_by = "Edges across one direction blur, those along it stay; it grows with the exposure time."
+    identified_by = (
+        "Edges across one direction blur, those along it stay; it grows with the exposure time, unless it is of a "
+        "vibration that is done with many times in each."
+    )
     confused_with = ("defocus", "rolling_shutter", "anisotropy")
     separated_by = "the same scene with a tenth of the exposure time and ten times the light"
     achromatic = True

@@ -24,7 +24,20 @@ def _fit(p_a: float, p_b: float) -> Fit:
     terms = tuple(Term(*c, "p", "1", 0.001, lambda s: None) for c in (A, B))
     evidence, both, none = Evidence(e, terms), Hypothesis((A, B), (0.1, 0.1), 30.0, 0.0), np.zeros(2)
     before, after = Model(terms, none, none), Model(terms, evidence.theta(both), none)
-    return Fit(before, after, (both,), {A: p_a, B: p_b}, terms, evidence, (), none, none, none[None][:0], {})
+    return Fit(
+        before,
+        after,
+        (both,),
+        {A: p_a, B: p_b},
+        terms,
+        evidence,
+        evidence,
+        (),
+        none,
+        none,
+        none[None][:0],
+        {},
+    )
 
 
 def test_all_that_is_called_stays_as_it_was_fitted() -> None:

@@ -153,7 +153,9 @@ def _fit(probability: float, tail: float, most: float) -> Fit:
     model = Model(tuple(terms), theta, np.zeros(2))
     evidence = Evidence(total_of(_conditions([0.1])), terms)
     careful = {LAMP: Caution(tail, 0.31, most)}
-    return Fit(model, model, tuple(h), {LAMP: probability}, (), evidence, (), no, no, no[None][:0], careful)
+    return Fit(
+        model, model, tuple(h), {LAMP: probability}, (), evidence, evidence, (), no, no, no[None][:0], careful
+    )
 
 
 def test_a_larger_tolerance_is_no_effect_and_nothing_unknown() -> None:

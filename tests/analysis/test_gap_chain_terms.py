@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.chain_terms import (
+    VIBRATION,
     black_levels,
     chain_terms,
     dark_current,
@@ -15,7 +16,9 @@ from analysis.gap.chain_terms import (
 )
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
+from analysis.gap.evidence import Evidence
 from analysis.gap.geometry_terms import EACH, geometry_terms
+from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Rendered
 from analysis.gap.saturation_terms import KNEES, saturation_terms
 from analysis.gap.state import State
@@ -77,6 +80,46 @@ def test_a_motion_is_told_with_its_direction(condition: Condition, path: tuple[f
     got = np.array([found.u, found.v])
     missed = min(np.abs(sign * got - path).max() for sign in (1, -1))  # forth and back is one blur
     assert missed < 0.03 * np.hypot(*path)
+
+
+def test_a_vibration_is_as_long_in_every_exposure(condition: Condition) -> None:
+    """Two exposures tell it from a motion, a tenth of difference does not. Where one form is in force, half the
+    exposure has half the path, or all of it."""
+    one = [t for t in chain_terms(State(condition), Tolerances(), {1.0, 1.1}) if t.cause == "motion_blur"]
+    assert {t.candidate for t in one} == {("motion_blur", "")}
+    assert not any(t.form for t in one)
+    both = [t for t in chain_terms(State(condition), Tolerances(), {0.5, 1.0}) if t.cause == "motion_blur"]
+    assert len(both) == 6
+    assert all(t.form for t in both)
+    short = replace(condition, camera=replace(condition.camera, t_exp=0.5))
+    for target, kept in (("", 0.5), (VIBRATION, 1.0)):
+        own = [t for t in both if t.target == target]
+        at: dict[tuple[str, str, str], float] = {}
+        for _ in range(4):
+            theta = fitted(own, short, MotionBlur(0.9 * kept, -0.7 * kept), at)
+            here = np.array([max(theta[t.parameter], t.low) for t in own])
+            at = {t.key: float(x) for t, x in zip(own, straight(own, here), strict=True)}
+        long = State(condition)
+        (found,) = effects_at(both, at, long)
+        size = np.hypot(0.9, 0.7)
+        assert np.hypot(found.u, found.v) == pytest.approx(size, rel=0.05)
+        (found,) = effects_at(both, at, State(short))
+        assert np.hypot(found.u, found.v) == pytest.approx(kept * size, rel=0.05)
+
+
+def test_no_hypothesis_has_two_forms_of_an_effect() -> None:
+    """Two that are there, each with columns of its own: the stronger one is taken; where they are two effects, both."""
+    rng = np.random.default_rng(5)
+    X = rng.standard_normal((2, 4000)) / 0.05
+    r = 0.3 * X[0] + 0.2 * X[1] + rng.standard_normal(4000)
+    signal = 4000 / 0.05**2
+    e = NormalEquations(X @ X.T, X @ r, float(r @ r), signal, np.full(2, signal), 0.0, 4000)
+    for form in (True, False):
+        terms = [
+            Term("motion_blur", t, "u", "px^2", 0.001, lambda s: None, form=form) for t in ("", VIBRATION)
+        ]
+        best = Evidence(e, terms).search()[0]
+        assert [c[1] for c in best.causes] == ([""] if form else ["", VIBRATION])
 
 
 def test_a_product_gives_the_second_way_its_sign() -> None:

@@ -75,6 +75,7 @@ def fitted(found: list[Condition]) -> Fit:
         {},
         search.terms,
         evidence,
+        stand.evidence,
         stand.parts,
         zero,
         zero,
