@@ -41,6 +41,6 @@ def may_be_one(causes: Iterable[Cause], variance: float) -> bool:
 
 
 def variance(terms: Sequence[Term], theta: np.ndarray) -> float:
-    """px² of the defocus among ``theta`` (q,) of ``terms``; 0 where there is none."""
+    """px² of the largest defocus among ``theta`` (q,) of ``terms``; 0 where there is none."""
     found = [float(x) for t, x in zip(terms, theta, strict=True) if (t.cause, t.parameter) == DEFOCUS]
-    return max(sum(found), 0.0)
+    return max([*found, 0.0])

@@ -158,7 +158,7 @@ def _equations(search: "Search", level: _Level, index: np.ndarray, at: np.ndarra
     def of(k: int) -> tuple[list[int], np.ndarray]:
         state, W = model.state(level.conditions[k]), level.weights[k]
         s = state.signal
-        columns = [t.field(state) for t in terms]
+        columns = [t.column(state) for t in terms]
         shown = [k for k, column in enumerate(columns) if column is not None]
         X = np.stack([state.residual, *(columns[k] for k in shown)]).astype(np.float32)
         share = np.einsum("khwc,hwc->kc", X, W * s) / np.maximum((W * s * s).sum(axis=(0, 1)), 1e-30)

@@ -165,7 +165,7 @@ def _across(down: Term, model: type[Effect]) -> Term:
         u, v, a = float(getattr(now, "u")), float(getattr(now, "v")), CROSS_STEP * grown  # noqa: B009
         others = [e for e in s.effects if type(e) is not model]
         ways = [s.dn([*others, replace(now, u=u + np.copysign(a, u), v=v + w)]) for w in (a, -a)]  # type: ignore[type-var]
-        own = down.field(s)
+        own = down.column(s)
         assert own is not None
         both = s.take(ways[0] - ways[1]) - np.float32(4 * v * a / grown**2) * own
         return np.asarray(both * np.float32(grown**2 / (2 * a * (u + np.copysign(a, u)))), np.float32)
@@ -241,7 +241,7 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
     """The effects whose chain terms are not at zero, within their bounds."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for term in terms:
-        if term.kind == "chain" and theta.get(term.key, 0.0):
+        if term.kind == "chain" and theta.get(term.key, 0.0) and term.shown(state):
             found.setdefault(term.candidate, {})[term.parameter] = theta[term.key]
     made = []
     for candidate, values in found.items():

@@ -87,7 +87,10 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
                 raise BrightfieldError("No number of a scene file says which way a grain runs.")
             effect = replace(effect, cross=0.0, diagonal=0.0)
         return effect.on_scene(scene, target)
-    cameras = tuple(_with_effect(camera, model, change) for camera in scene.cameras)
+    of_one = change.target in {camera.name for camera in scene.cameras}
+    cameras = tuple(
+        _with_effect(c, model, change) if c.name == change.target or not of_one else c for c in scene.cameras
+    )
     if all(a is b for a, b in zip(cameras, scene.cameras, strict=True)):
         return scene
     return replace(scene, cameras=cameras)

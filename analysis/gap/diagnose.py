@@ -243,11 +243,11 @@ def diagnose(
 
 def _noise(fitted: Fit, whole: Sequence[Condition], corrected: Sequence[np.ndarray]) -> list[NoiseFinding]:
     """Effects that do not move the mean image, each as probable as it is beside what was fitted."""
-    black = sum(
-        float(x)
-        for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
-        if (t.cause, t.parameter) == ("black_level", "black_level")
-    )
+    black: dict[str, float] = {}
+    for t, x in zip(fitted.terms, fitted.after.theta, strict=True):
+        if (t.cause, t.parameter) == ("black_level", "black_level"):
+            for name in [t.camera] if t.camera else {c.camera.name for c in whole}:
+                black[name] = black.get(name, 0.0) + float(x)
     found = noise_findings(with_black_level(whole, black), corrected, black)
     return [beside_unknown(n, fitted, whole[0].camera.sensor) for n in found]
 

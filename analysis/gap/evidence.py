@@ -254,8 +254,9 @@ class Evidence:
         def tried(causes: Iterable[Cause]) -> Hypothesis | None:
             causes = tuple(sorted(causes))
             first = [self.terms[self.members[c][0]] for c in causes]
-            names = [t.cause for t in first if t.form]
-            if sum(t.generic for t in first) > MOST_GENERIC or len(set(names)) < len(names):
+            names = [t.cause for t in first]
+            twice = any(t.form and names.count(t.cause) > 1 for t in first)
+            if twice or sum(t.generic for t in first) > MOST_GENERIC:
                 return None
             if causes not in found:
                 found[causes] = self.best(causes, width)

@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from analysis.gap.aperture import without_apertures
+from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, thetas_without
-from analysis.gap.chain_terms import black_levels, chain_terms, dark_current, shutter_delay
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
@@ -28,7 +28,6 @@ from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares
 from analysis.gap.search import Search, Stand, Told
-from analysis.gap.state import State
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -248,7 +247,6 @@ def believed(
 
 
 def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None) -> list[Term]:
-    bright = max(conditions, key=lambda c: float(np.median(c.mean)))
     return [
         *geometry_terms(conditions, tolerances),
         *light_terms(conditions, tolerances),
@@ -258,10 +256,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
             if knots is not None
             else [*moved_objects(conditions, tolerances), *shaded(conditions, tolerances)]
         ),
-        *chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions}),
-        *black_levels(conditions, tolerances),
-        *dark_current(conditions, tolerances),
-        *shutter_delay(conditions, tolerances),
+        *camera_terms(conditions, tolerances),
         *saturation_terms(conditions, tolerances),
         *generic_terms(conditions, tolerances),
         *left_of_lines(conditions),

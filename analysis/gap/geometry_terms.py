@@ -10,6 +10,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from analysis.gap.camera_terms import of_all, of_one, several
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Flow, Term, moving
@@ -44,9 +45,11 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
                 return (one, nothing) if axis == 0 else (nothing, one)
 
             terms.append(moving("principal_point", name, parameter, "px", px, flow))
-    terms += _lens(conditions[0], px)
+    lens = _lens(conditions[0], px)
+    terms += of_all(lens) if several(conditions) else lens
     for name in dict.fromkeys(c.camera.name for c in conditions):
         first = next(c for c in conditions if c.camera.name == name)
+        terms += of_one(_lens(first, px), name) if several(conditions) else []
         terms += _undone(name, _farthest(first), px)
     terms += _read_out(conditions, px)
     if not any(has_edges(c) for c in conditions):

@@ -27,7 +27,7 @@ def _unit_flow(state: State, term: Term) -> np.ndarray | None:
         if key in _units:
             _units.move_to_end(key)
             return _units[key][2]
-    found = term.flow(state) if term.flow is not None else None
+    found = term.moved(state)
     unit = None if found is None else np.stack(found, axis=-1).astype(np.float32)
     with _keeping:
         _units[key] = shown, term, unit

@@ -9,8 +9,9 @@ which does not know the noise (bins of a noisy mean would bias the gain):
 EMVA Standard 1288, release 4.0 Linear, 2021, section 6.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,14 +33,20 @@ DITHER = 0.5  # of a step from code to code: less noise does not hide it, and it
 
 
 def noise_findings(
-    conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
+    conditions: Sequence[Condition],
+    simulations: Sequence[np.ndarray],
+    offsets: Mapping[str, float] = MappingProxyType({}),
 ) -> list[NoiseFinding]:
     """Every effect of this class that can be judged, whatever its probability.
 
-    ``simulations``: (H, W, C) DN of each condition with all that the fit corrects; ``offset``: DN by which its black
-    level is not the data sheet's.
+    ``simulations``: (H, W, C) DN of each condition with all that the fit corrects; ``offsets``: DN by which cameras'
+    black levels are not their data sheets'.
     """
-    judged = (sensor_noise(conditions, simulations, offset), fixed_pattern(conditions, simulations))
+    repeated = next((c.camera.name for c in conditions if c.spread is not None), "")
+    judged = (
+        sensor_noise(conditions, simulations, offsets.get(repeated, 0.0)),
+        fixed_pattern(conditions, simulations),
+    )
     return [*(n for n in judged if n is not None), *code_findings(conditions, simulations)]
 
 
@@ -73,16 +80,16 @@ def with_noise(
     return out
 
 
-def with_black_level(conditions: Sequence[Condition], off: float) -> list[Condition]:
-    """The conditions with a black level ``off`` DN from the data sheet's: electrons count from there, else what the
-    dark shows would pass for light, and its share of the noise for photons' own."""
+def with_black_level(conditions: Sequence[Condition], off: Mapping[str, float]) -> list[Condition]:
+    """The conditions with each camera's black level ``off`` DN from the data sheet's: electrons count from there, else
+    what the dark shows would pass for light, and its share of the noise for photons' own."""
 
     def one(c: Condition) -> Condition:
         sensor = c.camera.sensor
-        black = float(np.clip(sensor.black_level + off, 0, 2**sensor.bit_depth - 2))
+        black = float(np.clip(sensor.black_level + off[c.camera.name], 0, 2**sensor.bit_depth - 2))
         return replace(c, camera=replace(c.camera, sensor=replace(sensor, black_level=black)))
 
-    return [one(c) for c in conditions] if off else list(conditions)
+    return [one(c) if off.get(c.camera.name) else c for c in conditions]
 
 
 def sensor_noise(

@@ -83,10 +83,18 @@ def drawn(state: State, terms: Sequence[Term]) -> np.ndarray:
     """(k, n) float32: what a unit of each term adds to the ``n`` usable values, row by row of ``state``'s pixels."""
     mask = state.usable
     out = np.zeros((len(terms), int(mask.sum()) * state.condition.mean.shape[2]), np.float32)
+    own: dict[int, np.ndarray] = {}  # of fields that terms share
     for row, term in zip(out, terms, strict=True):
-        column = term.field(state)
-        if column is not None:
-            row[:] = np.asarray(column)[mask].reshape(-1)
+        if not term.shown(state):
+            continue
+        key = id(term.field)
+        if key not in own:
+            column = term.column(state)
+            if column is not None:
+                row[:] = np.asarray(column)[mask].reshape(-1)
+            own[key] = row
+        else:
+            row[:] = own[key]
     return out
 
 

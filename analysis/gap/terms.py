@@ -63,7 +63,8 @@ class Term:
     cell: int = 0
     part: float = 1.0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
-    form: bool = False  # of an effect that has several: no hypothesis has two of them
+    form: bool = False  # of an effect that has other causes too: no hypothesis has one of those beside it
+    camera: str = ""  # which alone shows it; all, where it is empty
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -72,6 +73,17 @@ class Term:
     @property
     def candidate(self) -> tuple[str, str]:
         return self.cause, self.target
+
+    def shown(self, state: State) -> bool:
+        return self.camera in ("", state.camera.name)
+
+    def column(self, state: State) -> np.ndarray | None:
+        """(h, w, C) DN per unit, or None where the condition does not show it."""
+        return self.field(state) if self.shown(state) else None
+
+    def moved(self, state: State) -> tuple[np.ndarray, np.ndarray] | None:
+        """px (columns, rows) that a unit moves the image by, where it does."""
+        return self.flow(state) if self.flow is not None and self.shown(state) else None
 
     def grown(self, state: State) -> float:
         """The parameter at a condition's exposure, over that at ``t_exp``."""
@@ -132,11 +144,11 @@ def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
     motion: list[np.ndarray] = []  # what moves the image moves it together, which is drawn once
     for term, x in zip(terms, theta, strict=True):
         if x and term.flow is not None:
-            flow = term.flow(state)
+            flow = term.moved(state)
             if flow is not None:
                 motion.append(x * np.stack(flow))
         elif x and term.family is None:
-            column = term.field(state)
+            column = term.column(state)
             if column is not None:
                 total += x * column
     if motion:

@@ -55,7 +55,12 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     pilot = replace(fine, quality=Quality(9, 1), filter="box")
     still = truth.means(pilot, []) if plan.effects else []
     way = apart_proposals if plan.apart else proposals
-    causes = [_cause(name, s, way.propose, fine, pilot, still, rng) for name, s in plan.effects]
+
+    def propose(name: str, bench: Bench, rng: np.random.Generator) -> Proposal:
+        p = way.propose(name, bench, rng)
+        return replace(p, cause=replace(p.cause, eye=plan.eye))
+
+    causes = [_cause(name, s, propose, fine, pilot, still, rng) for name, s in plan.effects]
     without = truth.means(fine, [])
     causes = [
         c if s == 0 else _refined(c, s, fine, without) for c, (_, s) in zip(causes, plan.effects, strict=True)
@@ -76,14 +81,14 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     _write(folder, nominal, tolerances, fine, causes, mean, rng)
     return {
         "case": plan.case, "stratum": plan.stratum, "scene": plan.scene, "world": plan.world, "seed": plan.seed,
-        "apart": plan.apart, "scale": plan.scale, "filter": plan.filter, "repeats": plan.repeats, "effects": effects,
-        "severity": severity(without, mean, well),
+        "apart": plan.apart, "eye": plan.eye, "scale": plan.scale, "filter": plan.filter, "repeats": plan.repeats,
+        "effects": effects, "severity": severity(without, mean, well),
     }  # fmt: skip
 
 
 def told(cause: Cause, apart: bool) -> dict[str, Any]:
     """Of apart/ a label does not say which form it is, nor its numbers: the set's seed binds them all the same."""
-    return {"name": cause.name, "form": "apart", "place": ""} if apart else asdict(cause)
+    return {"name": cause.name, "form": "apart", "place": "", "eye": cause.eye} if apart else asdict(cause)
 
 
 def _cause(
@@ -143,7 +148,8 @@ def _write(
     for shot, mean in zip(nominal.shots, means, strict=True):
         for repeat in range(shot.repeats):
             name = f"images/{len(entries):03d}.png"
-            write_png(folder / name, truth.capture(setup, causes, shot, mean, rng, repeat))
+            own = [c for c in causes if c.of(shot.eye)]
+            write_png(folder / name, truth.capture(setup, own, shot, mean, rng, repeat))
             entries.append(_entry(nominal, shot, name))
     head = {"scene": "scene.usda", "tolerances": tolerances.as_dict(), "captures": entries}
     beside = folder / ".captures.json"

@@ -16,9 +16,13 @@ class Cause:
     amplitude: float = 0.0
     shape: Shape = field(default_factory=dict)
     place: str = ""  # what it is about: a lamp, a material, a part
+    eye: int | None = None  # the camera that alone has it; all have it where there is none
 
     def at(self, amplitude: float) -> "Cause":
         return replace(self, amplitude=float(amplitude))
+
+    def of(self, eye: int) -> bool:
+        return self.eye in (None, eye)
 
 
 @dataclass(frozen=True)

@@ -207,6 +207,7 @@ SIDES: tuple[tuple[str, Any, Any], ...] = (  # score, the cases that it is about
     ("nulls: false alarm", lambda x: x["stratum"] == "null", lambda x, a: alarmed(a)),
     ("one effect, exact", lambda x: x["stratum"] == "single", lambda x, a: right(x, a)),
     ("one effect, exact, tied as one", lambda x: x["stratum"] == "single", lambda x, a: right(x, a, True)),
+    ("one effect of one camera, exact", lambda x: x["stratum"] == "camera", lambda x, a: right(x, a)),
     ("pair, exact", lambda x: x["stratum"] == "pair", lambda x, a: right(x, a)),
     ("triple, exact", lambda x: x["stratum"] == "triple", lambda x, a: right(x, a)),
     ("outside the catalogue: flagged unknown", lambda x: x["stratum"] == "outside", lambda x, a: a.unknown),
@@ -261,6 +262,7 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     line("nulls: false alarm, an effect with p > 0.5", nulls, lambda x, a: a.failed or bool(a.named))
     for stratum, word in (
         ("single", "one effect, exact"),
+        ("camera", "one effect of one camera, exact"),
         ("pair", "pair, exact"),
         ("triple", "triple, exact"),
     ):
@@ -292,7 +294,7 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
         a.explained
         for x in labels
         if (a := answers[x["case"]]).explained is not None
-        and x["stratum"] in ("single", "pair", "triple")
+        and x["stratum"] in ("single", "camera", "pair", "triple")
         and x["severity"] >= 0.009
     ]
     hits, count, errors = covered(labels, answers)

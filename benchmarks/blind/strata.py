@@ -1,4 +1,5 @@
-"""Which cases a set has: nulls, singles by severity, pairs, triples, causes outside the catalogue, stress, noise."""
+"""Which cases a set has: nulls, singles by severity (stratum "camera": of one camera alone), pairs, triples, causes
+outside the catalogue, stress, noise."""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -16,6 +17,10 @@ BALANCES = ((0.01, 0.01), (0.02, 0.02), (0.02, 0.01), (0.02, 0.005))
 # tolerance cannot be told from it, whoever looks. These causes are as many times as strong.
 MOVES = ("camera_pose", "object_pose", "geometry", "principal_point", "lens_distortion", "light_position")
 STRONGER = 4.0
+OF_A_CAMERA = (
+    "vignetting", "defocus", "lens_distortion", "veiling_glare", "response_curve", "black_level", "exposure",
+    "white_balance", "color_crosstalk", "motion_blur",
+)  # fmt: skip  # what a camera has alone, stratum "camera"
 SCENES = ("rich", "metal", "plate", "board", "sample")
 
 
@@ -33,6 +38,7 @@ class Plan:
     filter: str = "box"
     repeats: int = 4
     apart: bool = False  # errors and forms of apart/
+    eye: int | None = None  # the camera that alone has the causes
 
 
 def counts(cases: int) -> dict[str, int]:
@@ -68,6 +74,7 @@ def plans(
                 name, stratum, scene, int(rng.integers(worlds)), effects, int(rng.integers(1 << 62)),
                 scale=2 / SHARE if stress and not gaussian else 1.0,
                 filter="Gaussian" if gaussian else "box", repeats=int(rng.choice([2, 4, 8], p=[0.25, 0.5, 0.25])),
+                eye=int(rng.integers(2)) if stratum == "camera" else None,
             )
         )  # fmt: skip
     return sorted(_set_apart(out, apart, np.random.default_rng([seed, 1])), key=lambda p: p.case)
@@ -121,6 +128,8 @@ def _stratum(
         return [((), scenes[k % len(scenes)]) for k in range(n)]
     if stratum == "single":
         options = [((name, s),) for name, s in product(SEEN, severities)]
+    elif stratum == "camera":
+        options = [((name, s),) for name, s in product(OF_A_CAMERA, severities)]
     elif stratum == "pair":
         balances = BALANCES if len(severities) > 2 else tuple((s, s) for s in severities)
         options = [((a, s), (b, t)) for (a, b), (s, t) in product(PAIRS, balances)]

@@ -40,10 +40,12 @@ class Setup:
 
 def means(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot] | None = None) -> list[np.ndarray]:
     """(h, w, 3) mean DN above black over K, e-, of each shot: no noise, no rounding."""
+    shots = setup.bench.shots if shots is None else shots
+    if any(c.eye is not None for c in causes):
+        return _by_eye(setup, causes, shots)
     bench = changed(setup.bench, list(causes))
     light = [c for c in causes if c.form in LIGHT and c.amplitude]
     pixels = _Pixels(setup, bench, causes)
-    shots = setup.bench.shots if shots is None else shots
     out = []
     for shot in shots:
         E = np.zeros((setup.bench.size[1], setup.bench.size[0], 3))
@@ -65,6 +67,15 @@ def means(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot] | None = 
                 E += c.amplitude * np.array(c.shape["color"]) * sum(pixels(shot, Lamp(**c.shape["lamp"])))
         out.append(_sensed(setup, causes, shot, E))
     return chain.series(causes, shots, out)
+
+
+def _by_eye(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot]) -> list[np.ndarray]:
+    out: dict[int, np.ndarray] = {}
+    for eye in {s.eye for s in shots}:
+        own = [k for k, s in enumerate(shots) if s.eye == eye]
+        there = [replace(c, eye=None) for c in causes if c.of(eye)]
+        out |= dict(zip(own, means(setup, there, [shots[k] for k in own]), strict=True))
+    return [out[k] for k in range(len(shots))]
 
 
 def _sensed(setup: Setup, causes: Sequence[Cause], shot: Shot, E: np.ndarray) -> np.ndarray:

@@ -167,7 +167,7 @@ def test_held_out_captures_refute_what_makes_them_worse(vignetting: Diagnosed) -
     fitted, held = vignetting.fit, vignetting.held_out
     assert [c[0] for c in fitted.best.causes] == ["vignetting"]
     theta = fitted.after.theta.copy()
-    theta[[i for i, t in enumerate(fitted.terms) if t.cause == "exposure"]] += 0.05
+    theta[[i for i, t in enumerate(fitted.terms) if t.candidate == ("exposure", "")]] += 0.05
     both = replace(
         fitted.best, causes=(("exposure", ""), *fitted.best.causes), slabs=(0.1, *fitted.best.slabs)
     )

@@ -121,7 +121,7 @@ def test_noise_counts_from_the_black_level_that_was_found() -> None:
     """20 DN above the data sheet's 64, which would pass for 50 e- of light, more than σ_d²; 3 of its own
     σ."""
     found, said = _rig(0, (BlackLevel(84.0),))
-    told = sensor_noise(with_black_level(found, 20.0), [s + 20 for s in said])
+    told = sensor_noise(with_black_level(found, {"/Top": 20.0}), [s + 20 for s in said])
     wrong = sensor_noise(found, [s + 20 for s in said])
     assert told is not None
     assert wrong is not None
@@ -136,7 +136,7 @@ def test_an_offset_may_have_a_noise_of_its_own(noisy: float, sure: bool) -> None
     the sensor's."""
     read = float(np.sqrt(SHEET.read_noise**2 + noisy))
     found, said = _rig(0, (BlackLevel(84.0), SensorNoise(read)))
-    told = sensor_noise(with_black_level(found, 20.0), [s + 20 for s in said], 20.0)
+    told = sensor_noise(with_black_level(found, {"/Top": 20.0}), [s + 20 for s in said], 20.0)
     assert told is not None
     found_read = told.parameters["read_noise"]
     assert found_read.value == pytest.approx(read, abs=3 * found_read.sigma)

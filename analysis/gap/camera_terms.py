@@ -1,0 +1,71 @@
+"""Effects of the image chain and of the lens, of all cameras and of each: every one has a lens and a sensor of its own.
+
+What calibration leaves of a number is both parts' together, what all cameras share and what each has. No hypothesis has
+an effect of all of them and the same effect of one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.gap.chain_terms import SHARED, black_levels, chain_terms, dark_current, shutter_delay
+from analysis.gap.conditions import Condition
+from analysis.gap.state import State
+from analysis.gap.subpixel_terms import PRODUCT
+from analysis.gap.terms import Term
+from interchange.camera import Camera
+from interchange.captures import Tolerances
+from interchange.effects import MODELS
+
+OWN = float(np.sqrt(1 - SHARED**2))
+SUMMED = ("black_level",)  # effects whose shared spike has ``SHARED`` in it
+
+
+def camera_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """Of the chain, of all cameras and, where there are several, of each."""
+    bright = _brightest(conditions)
+    shared = chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions})
+    more = [*dark_current(conditions, tolerances), *shutter_delay(conditions, tolerances)]
+    if not several(conditions):
+        return [*shared, *black_levels(conditions, tolerances), *more]
+    own = []
+    for name in _names(conditions):
+        seen = _brightest([c for c in conditions if c.camera.name == name])
+        alike = seen.mean.shape[2] == bright.mean.shape[2] and all(
+            _start(t, seen.camera) == t.start for t in shared
+        )  # then they are drawn once
+        found = [t for t in shared if not t.target] if alike else chain_terms(State(seen), tolerances)
+        own += of_one(found, name)
+    return [*of_all(shared), *own, *more]
+
+
+def several(conditions: Sequence[Condition]) -> bool:
+    return len(_names(conditions)) > 1
+
+
+def of_all(terms: Sequence[Term]) -> list[Term]:
+    return [replace(t, form=True, spike=t.spike * (1 if t.cause in SUMMED else SHARED)) for t in terms]
+
+
+def of_one(terms: Sequence[Term], camera: str) -> list[Term]:
+    return [
+        replace(t, target=camera, camera=camera, spike=t.spike * (OWN / SHARED if t.cause in SUMMED else OWN))
+        for t in terms
+    ]
+
+
+def _start(term: Term, camera: Camera) -> float:
+    return (
+        term.start
+        if term.parameter == PRODUCT
+        else float(getattr(MODELS[term.cause].of(camera), term.parameter))
+    )
+
+
+def _names(conditions: Sequence[Condition]) -> list[str]:
+    return list(dict.fromkeys(c.camera.name for c in conditions))
+
+
+def _brightest(conditions: Sequence[Condition]) -> Condition:
+    return max(conditions, key=lambda c: float(np.median(c.mean)))

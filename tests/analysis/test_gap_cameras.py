@@ -1,0 +1,103 @@
+"""Every camera has a lens and a sensor of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.camera_terms import OWN, camera_terms
+from analysis.gap.chain_terms import SHARED, chain_terms, effects_at
+from analysis.gap.conditions import Condition
+from analysis.gap.corrected import Change, changed
+from analysis.gap.expected import Expected
+from analysis.gap.fit import fit
+from analysis.gap.geometry_terms import geometry_terms
+from analysis.gap.sensitivities import drawn
+from analysis.gap.state import State
+from analysis.gap.terms import NUISANCE, Term
+from interchange.captures import Tolerances
+from interchange.effects.black_level import BlackLevel
+from interchange.effects.vignetting import Vignetting
+
+LEFT, RIGHT = "/World/Camera0", "/World/Camera1"
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory, small_bench) -> list[Condition]:
+    """Three conditions, two of one camera and one of the other."""
+    shots = {0: "Camera0", 2: "Camera0", 6: "Camera1"}
+    return small_bench(tmp_path_factory.mktemp("cameras"), shots, 16)
+
+
+def lens(terms: list[Term]) -> dict[tuple[str, str, str], Term]:
+    return {t.key: t for t in terms if t.cause != NUISANCE}
+
+
+def test_one_camera_has_no_effects_of_its_own(found: list[Condition]) -> None:
+    alone = [c for c in found if c.camera.name == LEFT]
+    terms = [*camera_terms(alone, Tolerances()), *geometry_terms(alone, Tolerances())]
+    assert not any(t.camera or t.form for t in terms)
+    plain = chain_terms(State(max(alone, key=lambda c: float(np.median(c.mean)))), Tolerances())
+    assert {t.key: t.spike for t in plain}.items() <= {t.key: t.spike for t in terms}.items()
+
+
+def test_what_all_and_each_may_be_off_adds_up_to_the_tolerance(found: list[Condition]) -> None:
+    """Of the black level, whose tolerance is in DN, and of the others, by what one camera alone has."""
+    many = lens([*camera_terms(found, Tolerances()), *geometry_terms(found, Tolerances())])
+    alone = [c for c in found if c.camera.name == LEFT]
+    one = lens([*camera_terms(alone, Tolerances()), *geometry_terms(alone, Tolerances())])
+    for cause, parameter in (("vignetting", "a2"), ("defocus", "blur"), ("lens_distortion", "k1")):
+        both = np.hypot(many[cause, "", parameter].spike, many[cause, LEFT, parameter].spike)
+        assert both == pytest.approx(one[cause, "", parameter].spike, rel=1e-6)
+        assert many[cause, RIGHT, parameter].spike / OWN == pytest.approx(
+            many[cause, "", parameter].spike / SHARED, rel=1e-6
+        )
+        assert many[cause, "", parameter].form
+        assert not many[cause, LEFT, parameter].form
+    level = [many["black_level", target, "black_level"].spike for target in ("", LEFT)]
+    assert np.hypot(*level) == pytest.approx(Tolerances().black_level_dn)
+
+
+def test_a_camera_alone_shows_its_own(found: list[Condition]) -> None:
+    terms = lens([*camera_terms(found, Tolerances()), *geometry_terms(found, Tolerances())])
+    keys = [("vignetting", "a2"), ("lens_distortion", "k1")]
+    own = [terms[cause, target, p] for cause, p in keys for target in ("", LEFT, RIGHT)]
+    for c in found:
+        rows = drawn(State(c), own)
+        here = c.camera.name
+        for shared, left, right in (rows[:3], rows[3:]):
+            assert np.abs(shared).max() > 0
+            assert left == pytest.approx(shared if here == LEFT else np.zeros_like(shared))
+            assert right == pytest.approx(shared if here == RIGHT else np.zeros_like(shared))
+        at = {terms["vignetting", RIGHT, "a2"].key: -0.2}
+        (*effects,) = effects_at(list(terms.values()), at, State(c))
+        assert [e.name() for e in effects] == (["vignetting"] if here == RIGHT else [])
+
+
+def test_the_corrected_scene_has_it_on_that_camera(found: list[Condition]) -> None:
+    scene = replace(found[0].scene, cameras=(found[0].camera, found[-1].camera))
+    for target, want in ((RIGHT, (0.0, -0.2)), ("", (-0.2, -0.2))):
+        new = changed(scene, scene, Change("vignetting", target, {"a2": -0.2}, {"a2": 0.0}))
+        assert [c.lens.vignetting[0] for c in new.cameras] == pytest.approx(want)
+
+
+@pytest.mark.parametrize(
+    ("effect", "cameras", "target"),
+    [
+        (Vignetting(-0.5, 0.0), (RIGHT,), RIGHT),
+        (Vignetting(-0.5, 0.0), (LEFT, RIGHT), ""),
+        (BlackLevel(94.0), (LEFT,), LEFT),
+    ],
+)
+def test_an_effect_of_one_camera_is_told_from_one_of_all(found, effect, cameras, target) -> None:
+    rng = np.random.default_rng(1)
+
+    def captured(c: Condition) -> Condition:
+        e: Expected = c.simulated([effect] if c.camera.name in cameras else [])
+        dn = e.dn + np.sqrt(e.variance) * rng.standard_normal(e.dn.shape)
+        shots = tuple(replace(x, pixels=dn.astype(np.float32)) for x in c.captures[:1])
+        return replace(c, captures=shots, mean=dn, spread=None)
+
+    told = fit([captured(c) for c in found], Tolerances())
+    assert told.best.causes == ((effect.name(), target),)
+    assert told.probability[told.best.causes[0]] > 0.9

@@ -1,0 +1,110 @@
+"""The blind benchmark's seals and scores."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks.blind import sealing
+from benchmarks.blind.score import Answer, answer, calibration, confidently_wrong, interval, right, table
+
+
+def test_labels_are_sealed_and_opened_once(tmp_path: Path):
+    labels = {"seed": 1, "cases": [{"case": "a"}]}
+    vault, seals = tmp_path / "vault/labels.json", tmp_path / "seals.json"
+    sha = sealing.seal(labels, vault, seals, "first")
+    assert json.loads(seals.read_text())["first"]["sha256"] == sha
+    assert sealing.seal(labels, vault, seals, "first") == sha
+    with pytest.raises(sealing.SealError):
+        sealing.seal({"seed": 2, "cases": []}, vault, seals, "first")
+    assert sealing.opened(vault, seals, "first") == (labels, 0)
+    with pytest.raises(sealing.SealError):
+        sealing.opened(vault, seals, "first")
+    assert sealing.opened(vault, seals, "first", again=True) == (labels, 1)
+    vault.write_bytes(vault.read_bytes() + b" ")
+    with pytest.raises(sealing.SealError):
+        sealing.opened(vault, seals, "first", again=True)
+
+
+def _label(case: str, stratum: str, *names: str, wanted: float = 0.01) -> dict:
+    effects = [
+        {
+            "name": n,
+            "form": "f",
+            "place": "",
+            "wanted": wanted,
+            "severity": wanted,
+            "parameters": {"scale": 1.01},
+        }
+        for n in names
+    ]
+    return {"case": case, "stratum": stratum, "scene": "rich", "effects": effects, "severity": wanted}
+
+
+def test_right_is_exact():
+    one = _label("a", "single", "vignetting")
+    assert right(one, Answer({"vignetting": 0.9}))
+    assert not right(one, Answer({"vignetting": 0.9, "albedo": 0.8}))
+    assert right(one, Answer({"vignetting": 0.9, "albedo": 0.3}))
+    assert not right(one, Answer({"vignetting": 0.9}, unknown=True))
+    assert not right(one, Answer({}, failed=True))
+    bound = _label("b", "single", "white_balance")
+    assert not right(bound, Answer({"light_spectrum": 0.9}))
+    assert right(bound, Answer({"light_spectrum": 0.9}), tied=True)
+    ghost = _label("c", "outside", "ghost")
+    assert right(ghost, Answer({}, unknown=True))
+    assert not right(ghost, Answer({"vignetting": 0.8}, unknown=True))
+    assert not right(ghost, Answer({}))
+    assert right(_label("d", "outside", "occluder"), Answer({"shadow": 0.9}))
+    assert right(_label("e", "null"), Answer({}))
+    assert confidently_wrong(one, Answer({"albedo": 0.95, "gloss": 0.85})) == ["albedo"]
+    assert confidently_wrong(bound, Answer({"light_spectrum": 0.95})) == []
+
+
+def test_intervals_are_those_of_clopper_and_pearson():
+    assert interval(0, 40) == pytest.approx((0.0, 0.0881), abs=1e-4)  # 1 - 0.025^(1/40)
+    assert interval(2, 120)[1] == pytest.approx(0.0589, abs=1e-4)
+    low, high = interval(9, 10)
+    assert (low, high) == pytest.approx((0.5550, 0.9975), abs=1e-4)
+
+
+def test_calibration_error_of_what_is_right_as_often_as_it_says():
+    sure = [(p, k % 10 < 10 * p) for p in (0.6, 0.9) for k in range(600)]
+    # bins of 80 answers that are right with p: 0.8 sqrt(p (1 - p) / 80) at most, half of it as they are spread evenly
+    assert calibration(sure[::-1]) < 0.05
+    assert calibration([(0.95, False)] * 20) == pytest.approx(0.95)
+
+
+def test_a_page_lists_every_miss(tmp_path: Path):
+    labels = [
+        _label("n1", "null"), _label("n2", "null"), _label("s1", "single", "exposure"),
+        _label("s2", "single", "defocus", wanted=0.02), _label("o1", "outside", "ghost"),
+        _label("gone", "single", "exposure"),
+    ]  # fmt: skip
+    record = {
+        "verdict": "effects",
+        "effects": [
+            {"name": "exposure", "probability": 0.97, "parameters": {"scale": {"value": 1.012, "sigma": 0.002}}}
+        ],
+        "gap": {"explained": 0.98, "before": 2.0, "after": 1.05}, "seconds": 30.0,
+        "smallest": {
+            "exposure": {"easiest": 0.002, "hardest": 0.005}, "defocus": {"easiest": 0.01, "hardest": None}
+        },
+    }  # fmt: skip
+    none = {**record, "verdict": "none", "effects": []}
+    unknown = {**none, "verdict": "unknown"}
+    for case, what in (("n1", none), ("n2", record), ("s1", record), ("s2", record), ("o1", unknown)):
+        (tmp_path / case).mkdir()
+        (tmp_path / case / "diagnosis.json").write_text(json.dumps(what))
+    answers = {x["case"]: answer(tmp_path / x["case"] / "diagnosis.json") for x in labels}
+    page = table(labels, answers)
+    assert "| nulls: false alarm, any effect or unknown | 1/2 | 50.0 % | 1.3–98.7 % |" in page
+    assert "| one effect, exact, 1 % | 1/2 | 50.0 %" in page
+    assert "| one effect, of those that it says it finds whatever they are about, exact | 1/1 |" in page
+    assert "| one effect, of those that it says it finds where they are easy, exact | 0/1 |" in page
+    assert "that it says it does not find" not in page
+    assert "| confident (p > 0.9) and wrong, all cases | 2/6 |" in page
+    assert "| parameters inside their 95 % interval | 1/1, 100.0 %" in page
+    missed = page.split("Every case")[1]
+    assert all(f"| {case} |" in missed for case in ("n2", "s2", "gone"))
+    assert not any(f"| {case} |" in missed for case in ("n1", "s1", "o1"))
