@@ -9,7 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.gap.chain_terms import SHARED, black_levels, chain_terms, dark_current, shutter_delay
+from analysis.gap.chain_terms import (
+    SHARED,
+    black_levels,
+    chain_terms,
+    dark_current,
+    dark_shading,
+    shutter_delay,
+)
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
 from analysis.gap.subpixel_terms import PRODUCT
@@ -26,7 +33,11 @@ def camera_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
     """Of the chain, of all cameras and, where there are several, of each."""
     bright = _brightest(conditions)
     shared = chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions})
-    more = [*dark_current(conditions, tolerances), *shutter_delay(conditions, tolerances)]
+    more = [
+        *dark_shading(conditions, tolerances),
+        *dark_current(conditions, tolerances),
+        *shutter_delay(conditions, tolerances),
+    ]
     if not several(conditions):
         return [*shared, *black_levels(conditions, tolerances), *more]
     own = []

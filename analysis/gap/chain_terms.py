@@ -48,6 +48,7 @@ RELATIVE_STEP, STEP = 0.01, 1e-3
 CROSS_STEP = 0.7  # px, of the step that a path's product is told by
 SHARED = 0.7  # of a black level's tolerance, by all cameras
 DARK = "dark_current"  # of the black level
+SHADED = 0.5  # of its tolerance, that it may be uneven by: a guess, half of what may be wrong with all of it
 APART = 2.0  # times, from which on exposures tell it from the level
 VIBRATION = "vibration"  # a path that is as long in every exposure
 EVENLY = 1.2  # times, up to which exposures do not tell that
@@ -124,6 +125,37 @@ def black_levels(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
 
     spike = tolerances.black_level_dn * np.sqrt(1 - SHARED**2)
     return [Term(NUISANCE, n, "black level", "DN", spike, own(n)) for n in names]
+
+
+def dark_shading(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """How uneven each camera's black level may be along rows and columns, as electronics warm and lines are read one
+    after the other: half a wave and a whole one over the image; no cause. A tolerance holds anywhere on the sensor."""
+    cameras = {c.camera.name: c.camera for c in conditions}
+
+    def wave(name: str, axis: int, order: int) -> Field:
+        def field(s: State) -> np.ndarray | None:
+            if s.camera.name != name:
+                return None
+            along = (s.grid[axis] + 0.5) / s.camera.sensor.resolution[axis]
+            return np.broadcast_to(np.cos(np.pi * order * along)[..., None], s.signal.shape).astype(
+                np.float32
+            )
+
+        return field
+
+    return [
+        Term(
+            NUISANCE,
+            name,
+            f"black level along {('rows', 'columns')[axis]} {order}",
+            "DN",
+            SHADED / order * tolerances.black_level_dn,
+            wave(name, axis, order),
+        )
+        for name in cameras
+        for axis in (0, 1)
+        for order in (1, 2)
+    ]
 
 
 def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:

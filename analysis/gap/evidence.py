@@ -5,7 +5,8 @@ A hypothesis M is a set of causes. Every term has a normal prior around zero: as
 
     log Z_M = ½ Σ log w - ½ r' W r + ½ b' A⁻¹ b - ½ log|A| + ½ log|P|
 
-and p(M) ∝ prior(M) Z_M^(1/τ). A hypothesis whose term is below what it may be does not count.
+and p(M) ∝ prior(M) Z_M^(1/τ). A hypothesis whose term is below what it may be does not count, nor one whose path is as
+wide as it is long.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
@@ -20,6 +21,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.subpixel_terms import is_path, paths
 from analysis.gap.terms import FORM, NUISANCE, Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
@@ -78,6 +80,7 @@ class Evidence:
                 self.ways[term.candidate] = term.ways
                 free = term.generic or term.family is not None
                 self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS)
+        self.paths = {c: i for c, i in paths(self.terms).items() if self.seen[i].all()}
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
         for index in self.members.values():
@@ -154,13 +157,19 @@ class Evidence:
         z, log_Z = self._all_spikes(causes)
         log_Z -= 0.5 * float(z[wide] @ solved)
         log_Z += -0.5 * log_det - float(np.log(ratio).sum())
-        if np.isfinite(self.low[wide]).any():
+        along = [self.paths[c] for c in causes if c in self.paths]
+        if along or np.isfinite(self.low[wide]).any():
             inside = self.C[np.ix_(wide, wide)]
             theta = (z[wide] - inside @ solved) * self.spike[wide]
             inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + inside)
-            sigma = self.spike[wide] * np.sqrt(np.maximum(np.diag(inside - inside @ inner @ inside), 0))
+            covariance = (inside - inside @ inner @ inside) * np.outer(self.spike[wide], self.spike[wide])
+            sigma = np.sqrt(np.maximum(np.diag(covariance), 0))
             if (theta < self.low[wide] - 2 * np.maximum(self.spike[wide], sigma)).any():
                 return -np.inf
+            for index in along:
+                own = [int(np.flatnonzero(wide == i)[0]) for i in index]
+                if not is_path(theta[own], covariance[np.ix_(own, own)]):
+                    return -np.inf
         return log_Z
 
     def chosen(self, causes: Iterable[Cause]) -> float:
@@ -255,8 +264,8 @@ class Evidence:
             causes = tuple(sorted(causes))
             first = [self.terms[self.members[c][0]] for c in causes]
             names = [t.cause for t in first]
-            twice = any(t.form and names.count(t.cause) > 1 for t in first)
-            if twice or sum(t.generic for t in first) > MOST_GENERIC:
+            apart = any((t.form and names.count(t.cause) > 1) or set(t.against) & set(names) for t in first)
+            if apart or sum(t.generic for t in first) > MOST_GENERIC:
                 return None
             if causes not in found:
                 found[causes] = self.best(causes, width)

@@ -30,6 +30,7 @@ SPOT, GLOW = "fixed to places of the image, multiplicative", "fixed to places of
 WAVES = "stripes fixed to the image"
 FIXED_TO_THE_IMAGE = (FACTOR, OFFSET, SPOT, GLOW, WAVES)
 SHARP = "edges sharper than the lens gives them"
+BLURS = ("defocus", "motion_blur")
 SURFACE, PATCH, EXTRA = (
     "fixed to the surface",
     "fixed to places of the surface",
@@ -59,7 +60,8 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     for way, axes in (("turned by 180 degrees", (0, 1)), ("left to right", (1,)), ("top to bottom", (0,))):
         terms.append(_term(MIRROR, "", way, seldom, _mirrored(axes)))
     terms.append(_term(SURROUNDINGS, "", "gain", seldom, _surroundings))
-    terms.append(replace(_term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper), low=0.0))
+    sharp = _term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper)
+    terms.append(replace(sharp, low=0.0, against=BLURS))  # both together are a blur of another shape
     terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 5, _capture(c.name)) for c in conditions]
     for camera in cameras:
         terms += _waves(camera, conditions, seldom)

@@ -21,6 +21,7 @@ from interchange.effects.motion_blur import MotionBlur
 
 PRODUCT = "u v"  # px²
 KEPT = 32  # derivatives, eight of them a camera
+ACROSS = 0.2  # of a path's square: what is as wide is no path
 SMALL = 1e-5  # of the difference that a channel's shift is told by
 PATH = 1 / 12  # variance of a path over its length's square
 
@@ -58,14 +59,35 @@ def grown(s: State, t_exp: float) -> float:
 
 
 def straight(terms: Sequence[Term], at: np.ndarray) -> np.ndarray:
-    """``at`` (q,) with the products of paths' ways as their squares make them: a straight path has no other."""
+    """``at`` (q,) with every path the straight one that is nearest: what is left over is a blur."""
     there = at.copy()
-    for i, product in enumerate(terms):
-        if (product.cause, product.parameter) == (MotionBlur.name(), PRODUCT):
-            own = {t.parameter: k for k, t in enumerate(terms) if t.candidate == product.candidate}
-            size = np.sqrt(max(at[own["u"]], 0.0) * max(at[own["v"]], 0.0))
-            there[i] = np.copysign(size, at[i])
+    for index in paths(terms).values():
+        length, way = np.linalg.eigh(_square(at[index]))
+        u, v = way[:, -1]
+        there[index] = max(length[-1], 0.0) * np.array([u * u, v * v, u * v])
     return there
+
+
+def paths(terms: Sequence[Term]) -> dict[tuple[str, str], np.ndarray]:
+    """Of every cause that is a path, its squares' and its product's numbers."""
+    found: dict[tuple[str, str], dict[str, int]] = {}
+    for k, t in enumerate(terms):
+        if t.cause == MotionBlur.name():
+            found.setdefault(t.candidate, {})[t.parameter] = k
+    return {c: np.array([own["u"], own["v"], own[PRODUCT]]) for c, own in found.items() if PRODUCT in own}
+
+
+def is_path(theta: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether squares and product (3,), known to ``covariance`` (3, 3), may be a straight path's: across it there is
+    nothing, or it is no more than ``ACROSS`` of what there is along it, or than twice its standard deviation."""
+    length, way = np.linalg.eigh(_square(theta))
+    x, y = way[:, 0]
+    slope = np.array([x * x, y * y, 2 * x * y])
+    return bool(length[0] <= ACROSS * length[1] + 2 * np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+
+
+def _square(theta: np.ndarray) -> np.ndarray:
+    return np.array([[theta[0], theta[2]], [theta[2], theta[1]]])
 
 
 def _apart(parameter: str) -> Field:

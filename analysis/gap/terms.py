@@ -64,6 +64,7 @@ class Term:
     part: float = 1.0
     ways: int = 1  # that a cause like this was chosen among, before the evidence saw it
     form: bool = False  # of an effect that has other causes too: no hypothesis has one of those beside it
+    against: tuple[str, ...] = ()  # causes that no hypothesis has beside its own: they undo it
     camera: str = ""  # which alone shows it; all, where it is empty
 
     @property

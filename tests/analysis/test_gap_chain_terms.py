@@ -10,6 +10,7 @@ from analysis.gap.chain_terms import (
     black_levels,
     chain_terms,
     dark_current,
+    dark_shading,
     effects_at,
     shutter_delay,
     signed,
@@ -17,12 +18,13 @@ from analysis.gap.chain_terms import (
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.evidence import Evidence
+from analysis.gap.generic_terms import BLURS, SHARP
 from analysis.gap.geometry_terms import EACH, geometry_terms
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Rendered
 from analysis.gap.saturation_terms import KNEES, saturation_terms
 from analysis.gap.state import State
-from analysis.gap.subpixel_terms import PRODUCT, straight
+from analysis.gap.subpixel_terms import PRODUCT, is_path, straight
 from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Tolerances
@@ -122,6 +124,48 @@ def test_no_hypothesis_has_two_forms_of_an_effect() -> None:
         assert [c[1] for c in best.causes] == ([""] if form else ["", VIBRATION])
 
 
+@pytest.mark.parametrize(
+    ("squares", "path"),
+    [((1.0, 1.0, 0.9), True), ((1.0, 0.0, 0.0), True), ((1.0, 0.1, 0.0), True), ((1.0, 0.9, 0.0), False),
+     ((0.6, 0.5, -0.1), False), ((-0.2, -0.3, 0.0), True)],
+)  # fmt: skip
+def test_a_path_is_straight(squares: tuple[float, float, float], path: bool) -> None:
+    """Known to 0.01 px² what is as wide as it is long is none; known to 0.5 px² all of them may be."""
+    theta = np.array(squares)
+    assert is_path(theta, 1e-4 * np.eye(3)) is path
+    assert is_path(theta, 0.25 * np.eye(3))
+
+
+def test_a_path_stands_at_the_straight_one_that_is_nearest() -> None:
+    """Of a blur of 0.3 px² every way and a path of 1.3 px² along (2, 1) the path is left, and the blur's in it."""
+    way = np.array([2.0, 1.0]) / np.sqrt(5)
+    both = 0.3 * np.eye(2) + 1.3 * np.outer(way, way)
+    terms = [Term("motion_blur", "", p, "px^2", 1.0, lambda s: None) for p in ("u", "v", PRODUCT)]
+    other = Term("defocus", "", "blur", "px", 1.0, lambda s: None)
+    at = straight([other, *terms], np.array([7.0, both[0, 0], both[1, 1], both[0, 1]]))
+    want = 1.6 * np.outer(way, way)
+    assert at == pytest.approx([7.0, want[0, 0], want[1, 1], want[0, 1]])
+
+
+def test_a_blur_is_no_motion_and_a_sharpening_stands_beside_neither() -> None:
+    """What is as wide as it is long is a defocus, however well a path's three numbers fit it."""
+    rng = np.random.default_rng(6)
+    along, down, product = rng.standard_normal((3, 4000)) / 0.05
+    X = np.stack([along + down, along, down, product, rng.standard_normal(4000) / 0.05])
+    r = 0.3 * (along + down) + rng.standard_normal(4000) + 0.2 * X[4]
+    signal = 4000 / 0.05**2
+    e = NormalEquations(X @ X.T, X @ r, float(r @ r), signal, np.full(5, signal), 0.0, 4000)
+    names = [("defocus", "blur"), *(("motion_blur", p) for p in ("u", "v", PRODUCT)), (SHARP, "gain")]
+    terms = [
+        Term(n, "", p, "1", 0.001, lambda s: None, against=BLURS if n == SHARP else ()) for n, p in names
+    ]
+    evidence = Evidence(e, terms)
+    assert evidence.at((("motion_blur", ""),), (0.1,)).log_Z == -np.inf
+    found = evidence.search()
+    assert found[0].causes == (("defocus", ""),)
+    assert not any({SHARP, "defocus"} <= {c[0] for c in h.causes} for h in found)
+
+
 def test_a_product_gives_the_second_way_its_sign() -> None:
     assert signed({"u": 1.0, "v": 2.0, PRODUCT: -1.5}) == {"u": 1.0, "v": -2.0}
     assert signed({"u": 1.0, "v": 2.0, PRODUCT: 1.5}) == {"u": 1.0, "v": 2.0}
@@ -152,6 +196,21 @@ def test_each_of_several_cameras_has_a_black_level_of_its_own(condition: Conditi
     assert np.hypot(shared.spike, terms[0].spike) == pytest.approx(Tolerances().black_level_dn)
     assert terms[0].field(State(other)) is None
     assert np.asarray(terms[1].field(State(other))).min() == 1
+
+
+def test_a_black_level_may_be_uneven_by_half_of_its_tolerance(condition: Condition) -> None:
+    """Along rows and columns, half a wave and a whole one, whatever is seen; the second half as much."""
+    terms = dark_shading([condition], Tolerances(black_level_dn=2.0))
+    assert [t.spike for t in terms] == [1.0, 0.5, 1.0, 0.5]
+    assert {(t.cause, t.target) for t in terms} == {(NUISANCE, "/eye")}
+    row, column = (np.asarray(terms[k].field(State(condition)))[..., 0] for k in (0, 2))
+    assert (row[0] == row[-1]).all()
+    assert (column[:, 0] == column[:, -1]).all()
+    for wave in (row[0], column[:, 0]):
+        assert wave == pytest.approx(-wave[::-1], abs=1e-6)
+        assert wave[0] == pytest.approx(1, abs=0.01)
+    other = replace(condition, camera=replace(condition.camera, name="/other"))
+    assert terms[0].field(State(other)) is None
 
 
 def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condition: Condition) -> None:
