@@ -56,6 +56,13 @@ class Finding:
     gap_without: float
     gap_with: float
     share: float
+    cameras: tuple[str, ...] = ()  # those that alone have it; none where all have
+
+    @property
+    def called(self) -> str:
+        """ "vignetting of Camera1"."""
+        of = " and ".join(self.cameras)
+        return self.name.replace("_", " ") + (f" of {of}" if of else "")
 
 
 @dataclass(frozen=True)
@@ -192,5 +199,5 @@ def write_text(path: Path, text: str) -> None:
 
 def names(findings: Sequence[Finding]) -> str:
     """ "vignetting, defocus and exposure"."""
-    words = [f.name.replace("_", " ") for f in findings]
+    words = [f.called for f in findings]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -58,6 +58,9 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
                 gap_without=float(np.sqrt(taken.chi2[everything - {name}])),
                 gap_with=shrunk.after,
                 share=taken.share[name] / shrunk.before**2,
+                cameras=tuple(dict.fromkeys(called(fitted.terms[i].camera) for i in index))
+                if all(fitted.terms[i].camera for i in index)
+                else (),
             )
         )
     return out

@@ -158,7 +158,7 @@ def _effect(f: Finding, found: Diagnosed) -> str:
     said_so = against if f.share < 0 else ""
     advice = f"<dt>To tell them apart</dt><dd>{html.escape(f.separate_by)}</dd>" if f.separate_by else ""
     return (
-        f'<div class="effect"><h3>{plain(f.name)}<span>{stage_of(f.name)} · probability {f.probability:.3f} · '
+        f'<div class="effect"><h3>{html.escape(f.called)}<span>{stage_of(f.name)} · probability {f.probability:.3f} · '
         f"takes off {100 * f.share:.0f} % of χ² · "
         f"χ without it {f.gap_without:.2f}, with it {f.gap_with:.2f}</span></h3>"
         f'<div class="meter"><div style="width:{100 * f.probability:.1f}%"></div></div>'

@@ -9,6 +9,7 @@ from analysis.gap.camera_terms import OWN, camera_terms
 from analysis.gap.chain_terms import SHARED, chain_terms, effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
+from analysis.gap.diagnosis import Finding, names
 from analysis.gap.expected import Expected
 from analysis.gap.fit import fit
 from analysis.gap.geometry_terms import geometry_terms
@@ -101,3 +102,12 @@ def test_an_effect_of_one_camera_is_told_from_one_of_all(found, effect, cameras,
     told = fit([captured(c) for c in found], Tolerances())
     assert told.best.causes == ((effect.name(), target),)
     assert told.probability[told.best.causes[0]] > 0.9
+
+
+def test_a_verdict_says_whose_lens_it_is() -> None:
+    of_all = Finding("lens_distortion", 0.9, {}, (), None, 2.0, 1.0, 0.5)
+    assert (
+        names([of_all, replace(of_all, cameras=("Camera1",))])
+        == "lens distortion and lens distortion of Camera1"
+    )
+    assert names([replace(of_all, cameras=("A", "B"))]) == "lens distortion of A and B"
