@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
-from analysis.gap.diagnosis import STAGES
+from analysis.gap.diagnosis import PRESENT, STAGES
 from analysis.gap.fit import SLIGHT, Fit
 from analysis.gap.model import Model
 from analysis.gap.shapley import Step, shares
@@ -15,7 +15,6 @@ from analysis.gap.shrinkage import Gap, Images, Yardstick
 from analysis.gap.terms import added
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
-PRESENT = 0.5
 KEPT = 0.25  # of what an effect claims on held-out captures: with less, its slope there is under 0.63
 SEEN = 16.0  # sigma²: of less noise hides half
 UNKNOWN = "outside the catalogue"

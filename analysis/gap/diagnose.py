@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from analysis.gap import aperture
 from analysis.gap.attribution import (
     CATALOGUED,
-    PRESENT,
     Cause,
     Told,
     attribution,
@@ -27,7 +26,7 @@ from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
-from analysis.gap.diagnosis import Diagnosis, Edges
+from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (

@@ -18,6 +18,7 @@ from analysis.gap.shapley import Step
 from analysis.gap.shrinkage import Gap
 from analysis.gap.verify import Verification
 
+PRESENT = 0.5  # from which probability on an effect is called
 STAGES = {
     "scene": ("camera_pose", "object_pose", "geometry", "light_position", "light_intensity", "light_beam", "light_size",
               "light_spectrum", "ambient_light", "interreflection", "shadow"),

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.gap.advice import separating
-from analysis.gap.attribution import CATALOGUED, PRESENT, Attribution
-from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.attribution import CATALOGUED, Attribution
+from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.fit import Fit, uncertainty
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding

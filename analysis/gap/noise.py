@@ -17,6 +17,7 @@ import numpy as np
 
 from analysis.gap.code_findings import code_findings
 from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import PRESENT
 from analysis.gap.expected import Noise, per_electron
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
@@ -55,7 +56,7 @@ def with_noise(
 ) -> list[Condition]:
     """The conditions with the noise that is ``found`` probably, each camera's fixed pattern what its own pixels show;
     the same list where it is the data sheet's. ``simulations``: as for ``noise_findings``."""
-    probable = {n.name: n for n in found if n.probability >= 0.5}
+    probable = {n.name: n for n in found if n.probability >= PRESENT}
     if not {"sensor_noise", "fixed_pattern"} & set(probable):
         return conditions
     out = []
@@ -95,7 +96,8 @@ def with_black_level(conditions: Sequence[Condition], off: Mapping[str, float]) 
 def sensor_noise(
     conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
 ) -> NoiseFinding | None:
-    """None without repeats. ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or
+    """None without repeats, and where noise does not grow with the light (denoised images): photons tell no gain there.
+    ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or
     none; either is that offset's."""
     rows = [
         row
@@ -118,6 +120,8 @@ def sensor_noise(
         light, measured - theta[1] * still, sd, light <= LINEAR * sheet.full_well * still
     )
     covariance *= max(square / covariance[0, 0], 1.0)
+    if theta[0] <= 0:
+        return None
     gain, square = float(theta[0]), float(theta[1] / theta[0] ** 2)
     turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²

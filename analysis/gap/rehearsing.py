@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.gap.attribution import CATALOGUED, PRESENT
+from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import PRESENT
 from analysis.gap.evidence import Cause
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots

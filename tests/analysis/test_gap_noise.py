@@ -325,3 +325,14 @@ def test_noise_needs_repeats() -> None:
     found, said = _rig(0, repeats=1)
     assert sensor_noise(found, said) is None
     assert fixed_pattern(found, said) is not None
+
+
+def test_noise_that_falls_with_the_light_tells_no_gain() -> None:
+    found, said = _rig(0)
+    top = max(float(s.max()) for s in said)
+    fading = [
+        replace(c, spread=(60 * (1 - s / top) + 1).astype(np.float32))
+        for c, s in zip(found, said, strict=True)
+    ]
+    assert sensor_noise(fading, said) is None
+    assert "sensor_noise" not in {n.name for n in noise_findings(fading, said)}
