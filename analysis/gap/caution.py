@@ -6,20 +6,13 @@ that, all else staying as it is.
 
 **What is there is there in every condition.** Pixels share errors that log Z takes for independent ones; conditions
 share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
-that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio
-
-    (1 + n / (n (n - 1) s² + ν s₀²))^((n + ν)/2)
-
-over errors that each of the n conditions which show it has on its own, normal ones, whose variance has the inverse χ²
-distribution with ν = ``FAMILIAR`` degrees of freedom about s₀²: ``KNOWN`` of what is to be left, over what the effect
-changes in χ². Few conditions suffice for a strong effect, which no such error is as large as; a weak one may be one
-that they all have, however little they differ. Of what has no name nothing is known beforehand: ν = 0.
+that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio of
+Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it.
 
 **What is left is told.** Noise, the renderer and edges are known to ``KNOWN``: a residual that is larger has a cause,
 whatever it is. Log Z compares hypotheses with each other and does not see it.
 
 Bailey: Not normal: the uncertainties of scientific measurements. Royal Society Open Science 2017 (their tails).
-Gelman et al.: Bayesian Data Analysis, 3rd ed. 2013, 3.3 (normal data with a conjugate prior).
 Efron: The jackknife, the bootstrap and other resampling plans. SIAM 1982.
 """
 
@@ -36,7 +29,6 @@ TAILS = 8.0  # degrees of freedom
 FARTHEST, RUNGS = 16.0, 12  # of κ
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
 FEWEST = 3  # conditions that may be left out in turn
-FAMILIAR = 2.0  # degrees of freedom of what is known of conditions' own errors
 KNOWN = 0.04  # of what is to be left, one standard deviation
 MORE = 0.2  # of it, that a cause without a name leaves: one standard deviation
 OUTSIDE = 0.1  # prior probability of such a cause
@@ -47,18 +39,11 @@ SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 class Caution:
     """Of a cause: the probability that it is an error of the calibration, a larger one than was declared; and
     ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
-    not tell), with what probability that leaves it at most; ``usual``: what it loses of that because conditions have
-    errors as large as that."""
+    not tell), with what probability that leaves it at most."""
 
     tail: float
     spread: float
     most: float
-    usual: float = 0.0
-
-    @property
-    def nothing(self) -> float:
-        """Probability that it is nothing to speak of: an error of the calibration or a usual one."""
-        return 1 - (1 - self.tail) * (1 - self.usual)
 
     def of(self, probability: float) -> float:
         return min(probability * (1 - self.tail), self.most)
@@ -77,14 +62,10 @@ def cautions(
     tails = {c: tail(evidence, declared, h, c) for c in h.causes}
     spreads = {c: spread(plain, h, c, parts, left_out) for c in h.causes}
     out = {}
-    for c, (s, n, usual) in spreads.items():
+    for c, (s, n) in spreads.items():
+        ratio = 0.5 * n * np.log1p(1 / (s**2 * (n - 1))) if np.isfinite(s) else np.inf
         prior = h.log_prior - evidence.prior(_without(h, c)[0])
-        most = agreed = 1.0
-        if np.isfinite(s):
-            agreed = most = float(expit(agreement(s, n) + prior))
-            if not plain.terms[plain.members[c][0]].generic:
-                most = float(expit(agreement(s, n, usual) + prior))
-        out[c] = Caution(tails[c], s, most, max(agreed - most, 0.0))
+        out[c] = Caution(tails[c], s, float(expit(ratio + prior)))
     return out
 
 
@@ -145,19 +126,11 @@ def thetas_without(evidence: Evidence, h: Hypothesis, parts: Sequence[NormalEqua
     return np.array(found) if len(found) >= FEWEST else np.zeros((0, len(evidence.terms)))
 
 
-def agreement(s: float, n: int, usual: float | None = None) -> float:
-    """Logarithm of the likelihood ratio of an effect over errors that ``n`` conditions have on their own; ``s`` and
-    ``usual``, a variance, relative to the effect. Without ``usual`` nothing is known of those beforehand."""
-    known, nu = (0.0, 0.0) if usual is None else (FAMILIAR * usual, FAMILIAR)
-    return 0.5 * (n + nu) * float(np.log1p(n / (n * (n - 1) * s**2 + known)))
-
-
 def spread(
     plain: Evidence, h: Hypothesis, cause: Cause, parts: Sequence[NormalEquations], left_out: np.ndarray
-) -> tuple[float, int, float]:
-    """One standard deviation of how much of a cause there is, relative, the conditions that show it, and the variance
-    of it that a condition's own errors usually have; nan where they do not tell: of what has a number for each place,
-    and what one condition alone shows."""
+) -> tuple[float, int]:
+    """One standard deviation of how much of a cause there is, relative, and the conditions that show it; nan where
+    they do not tell: of what has a number for each place, and what one condition alone shows."""
     index = plain.members[cause]
     theta = plain.theta(h)[index]
 
@@ -165,14 +138,11 @@ def spread(
         return float(theta @ e.G[np.ix_(index, index)] @ theta)
 
     shown = np.array([energy(p) for p in parts])
-    shows = shown > SHOWS * shown.max()
-    n = int(shows.sum())
-    count = np.array([p.count for p in parts])
-    usual = float(KNOWN * count[shows].sum() / max(shown[shows].sum(), 1e-30))
+    n = int((shown > SHOWS * shown.max()).sum())
     if plain.terms[index[0]].family is not None or n < 2 or not len(left_out):
-        return np.nan, n, usual
+        return np.nan, n
     beta = left_out[:, index] @ plain.e.G[np.ix_(index, index)] @ theta / energy(plain.e)
-    return float(np.sqrt(beta.var() * (len(beta) - 1))), n, usual
+    return float(np.sqrt(beta.var() * (len(beta) - 1))), n
 
 
 def left_over(evidence: Evidence, h: Hypothesis) -> tuple[float, float]:

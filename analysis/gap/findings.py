@@ -167,11 +167,6 @@ def cautious(fitted: Fit) -> list[str]:
                 f"{what[0].upper()}{what[1:]} looks off by more than the calibration's tolerances, but by no more than "
                 f"calibrations are off now and then ({100 * c.tail:.0f} % probable): it is not called."
             )
-        elif c.most < PRESENT <= c.most + c.usual:
-            notes.append(
-                f"The captures together speak for {what}, but it changes them by no more than each of them is "
-                "often off by: it is not called."
-            )
         elif c.most < PRESENT:
             notes.append(
                 f"The captures together speak for {what}, but how much of it there is changes by "

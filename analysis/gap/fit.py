@@ -75,11 +75,11 @@ class Fit:
 
     @property
     def probability_of_none(self) -> float:
-        """That calibration's errors explain everything, some of them larger than declared, and conditions' own."""
+        """That calibration's errors explain everything, some of them larger than declared."""
         score = np.array([h.score for h in self.hypotheses])
         p = np.exp(score - score.max())
         declared = float(p[[not h.causes for h in self.hypotheses]].sum() / p.sum())
-        larger = np.prod([self.cautions[c].nothing for c in self.best.causes if c in self.cautions])
+        larger = np.prod([self.cautions[c].tail for c in self.best.causes if c in self.cautions])
         return max(declared, float(larger)) if self.best.causes else declared
 
 

@@ -4,15 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.special import expit, logsumexp
-from scipy.stats import invgamma, norm, t
+from scipy.stats import norm, t
 
 from analysis.gap.caution import (
-    FAMILIAR,
     TAILS,
     Caution,
-    agreement,
     cautions,
     left_over,
     log_prior_of_kappa,
@@ -117,7 +114,7 @@ def test_how_much_conditions_differ_is_the_jackknifes() -> None:
     amounts = [0.02, 0.03, 0.05, 0.02, 0.04, 0.03]
     parts = _conditions(amounts)
     evidence, h = _found(parts)
-    s, n, _ = spread(evidence, h, A, parts, thetas_without(evidence, h, parts))
+    s, n = spread(evidence, h, A, parts, thetas_without(evidence, h, parts))
     assert n == 6
     assert s == pytest.approx(np.std(amounts, ddof=1) / np.sqrt(6) / np.mean(amounts), rel=0.1)
 
@@ -135,48 +132,6 @@ def test_what_one_condition_alone_has_is_not_called() -> None:
         assert caution.tail < 1e-6
 
 
-def test_agreement_is_the_ratio_of_marginal_likelihoods() -> None:
-    """Amounts 1 ± some of one effect in each condition, of normal errors whose variance is integrated over."""
-    amounts = np.array([0.7, 1.1, 0.9, 1.3])
-    s, usual = float(amounts.std(ddof=1) / np.sqrt(4)), 0.3
-
-    def marginal(mean: float) -> float:
-        known = invgamma(FAMILIAR / 2, scale=FAMILIAR * usual / 2)
-
-        def density(log_v: float) -> float:
-            v = np.exp(log_v)
-            return float(np.exp(norm.logpdf(amounts, mean, np.sqrt(v)).sum()) * known.pdf(v) * v)
-
-        return quad(density, -12, 12, limit=200)[0]
-
-    assert agreement(s, 4, usual) == pytest.approx(np.log(marginal(1) / marginal(0)), rel=1e-6)
-    assert agreement(s, 4) == pytest.approx(agreement(s, 4, 1e-12) * 4 / (4 + FAMILIAR), rel=1e-6)
-
-
-def test_few_conditions_suffice_for_what_is_strong_and_not_for_what_is_weak() -> None:
-    """Alike to a fifth in three conditions; the weak one takes 0.1 % off χ², of which 4 % may have any cause."""
-
-    def caution(amounts: list[float]) -> Caution:
-        parts = _conditions(amounts)
-        evidence, _ = _found(parts)
-        h = evidence.at((A,), (0.01,))
-        return cautions(evidence, evidence.spike, h, evidence, parts, thetas_without(evidence, h, parts))[A]
-
-    assert caution([0.3, 0.24, 0.36]).most > 0.95
-    weak = caution(12 * [0.0016])
-    assert weak.most + weak.usual > 0.95
-    assert weak.most < 0.5
-
-
-def test_what_is_as_large_as_usual_errors_is_nothing() -> None:
-    fitted = _fit(0.1, tail=0.0, most=0.1, usual=0.85)
-    assert what_is_unknown(fitted) == ()
-    assert cautious(fitted) == [
-        "The captures together speak for light spectrum of Left, but it changes them by no more than each of them is "
-        "often off by: it is not called."
-    ]
-
-
 def test_few_conditions_and_places_do_not_tell() -> None:
     parts = _conditions([0.3, 0.1])
     evidence, h = _found(parts)
@@ -186,18 +141,18 @@ def test_few_conditions_and_places_do_not_tell() -> None:
     assert caution.most == 1
     parts = _conditions([0.3, 0.1, 0.2])
     cells = Evidence(total_of(parts), [_term("a", family=Family(lambda s: None, ("here",))), _term("b")])
-    s, *_ = spread(cells, h, A, parts, thetas_without(cells, h, parts))
+    s, _ = spread(cells, h, A, parts, thetas_without(cells, h, parts))
     assert np.isnan(s)
 
 
-def _fit(probability: float, tail: float, most: float, usual: float = 0.0) -> Fit:
+def _fit(probability: float, tail: float, most: float) -> Fit:
     """A fit of which only one cause and what speaks against it are known; log Z is sure that there is something."""
     h = [Hypothesis((LAMP,), (0.01,), 30.0, 0.0), Hypothesis((), (), 0.0, 0.0)]
     no, theta = np.zeros(0), np.array([0.1, 0.0])
     terms = [_term(LAMP[0], target=LAMP[1]), _term("b")]
     model = Model(tuple(terms), theta, np.zeros(2))
     evidence = Evidence(total_of(_conditions([0.1])), terms)
-    careful = {LAMP: Caution(tail, 0.31, most, usual)}
+    careful = {LAMP: Caution(tail, 0.31, most)}
     return Fit(
         model, model, tuple(h), {LAMP: probability}, (), evidence, evidence, (), no, no, no[None][:0], careful
     )
