@@ -97,8 +97,8 @@ def sensor_noise(
     conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
 ) -> NoiseFinding | None:
     """None without repeats, and where noise does not grow with the light (denoised images): photons tell no gain there.
-    ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or
-    none; either is that offset's."""
+    ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or none; either is that
+    offset's."""
     rows = [
         row
         for c, simulation in zip(conditions, simulations, strict=True)

@@ -1,4 +1,5 @@
-"""The bench of assets/bench_sample in little, for the tests of the diagnosis: 128 x 96 px, two of its six lamps."""
+"""The bench of assets/bench_sample in little, for the tests of the diagnosis: 128 x 96 px, two of its six lamps; and
+with captures (tests.analysis.gap_bench)."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +18,7 @@ from interchange.formats.document import open_scene
 from interchange.image import Image
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
+from tests.analysis.gap_bench import Rig, rig_in
 
 BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
 WIDTH, HEIGHT = 128, 96
@@ -27,6 +29,11 @@ Bench = Callable[[Path, dict[int, str], int], list[Condition]]
 def rasterizer() -> Iterator[Rasterizer]:
     with Rasterizer() as rasterizer:
         yield rasterizer
+
+
+@pytest.fixture(scope="session")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Rig:
+    return rig_in(tmp_path_factory.mktemp("gap"))
 
 
 @pytest.fixture(scope="session")

@@ -1,113 +1,44 @@
 """The diagnosis on a small bench, rendered by the rasteriser: from captures.json to the verdict."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd
 
 from analysis.gap.attribution import Sets, confirmed, without
-from analysis.gap.conditions import Condition, conditions
-from analysis.gap.diagnose import Diagnosed, diagnose
+from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import record
 from analysis.gap.expected import mean_dn, noise_variance
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.light_terms import shaded
 from analysis.gap.model import Model
-from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
-from analysis.gap.radiance import Rendered, render_all
+from analysis.gap.radiance import render_all
 from analysis.gap.renderers import renderer
 from analysis.gap.report import write_report
 from analysis.gap.shrinkage import yardstick
 from analysis.gap.state import State
 from composer.cli import main
-from interchange.captures import Captures, Tolerances
-from interchange.effects import Effect
+from interchange.captures import Tolerances
 from interchange.effects.black_level import BlackLevel
 from interchange.effects.vignetting import Vignetting
 from interchange.exposure import expose
 from interchange.formats import captures as captures_file
-from interchange.formats import images
-from interchange.formats.document import Document, open_scene
+from interchange.formats.document import open_scene
 from interchange.image import Image
-from interchange.problems import BrightfieldError, FileError
+from tests.analysis.gap_bench import TIMES, Rig, camera_at
 
-BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
-WIDTH, HEIGHT = 112, 84
-TIMES = (0, 1, 4, 6, 7, 10, 12, 13, 15)
-EXPOSURE = dict.fromkeys((6, 7, 13), 0.5) | {10: 0.25}
 TRUTH = Vignetting(a2=-0.22, a4=0.04)
 
 
-def _camera(time: float) -> str:
-    return "/World/Camera0" if time < 13 else "/World/Camera1"
+@pytest.fixture(scope="module")
+def null(rig: Rig) -> Diagnosed:
+    return rig.diagnosed(rig.captured("null", ()), "null")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bench with three of its six lamps."""
-    folder = tmp_path_factory.mktemp("gap")
-    stage = Usd.Stage.Open(str(BENCH))
-    for lamp in ("LED2", "LED3", "LED5"):
-        stage.RemovePrim(f"/World/{lamp}")
-    text = stage.GetRootLayer().ExportToString()
-    assert text.count("(480, 360)") == 2
-    (folder / "scene.usda").write_text(text.replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def document(folder: Path) -> Document:
-    return open_scene(folder / "scene.usda")
-
-
-@pytest.fixture(scope="module")
-def truth(folder: Path, document: Document) -> list[Rendered]:
-    """The diagnosis's own rendering: what is tested here is its statistics, not a renderer."""
-    views = [(s, s.camera(_camera(s.time))) for s in map(document.scene, TIMES)]
-    with renderer("realtime", 16) as (render, settings):
-        return render_all(views, render, settings, folder / "cache")
-
-
-def _capture(
-    folder: Path, document: Document, truth: list[Rendered], name: str, effects: Sequence[Effect]
-) -> Captures:
-    rng = np.random.default_rng(3)
-    entries = []
-    (folder / name).mkdir(exist_ok=True)
-    for time, shown in zip(TIMES, truth, strict=True):
-        scene = document.scene(time)
-        camera = scene.camera(_camera(time))
-        camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
-        t_exp = EXPOSURE.get(time, 1.0)
-        dn = expose(Image(shown.radiance(scene)), camera, t_exp, rng=rng, effects=effects).pixels
-        file = folder / name / f"{time:02d}.png"
-        images.write(file, dn.astype(np.uint16))
-        entries.append({"image": file.name, "camera": camera.name, "time": time, "exposure": t_exp})
-    path = folder / name / "captures.json"
-    path.write_text(json.dumps({"scene": "../scene.usda", "captures": entries}))
-    return captures_file.read(path)
-
-
-def _diagnosed(folder: Path, document: Document, captures: Captures, out: str) -> Diagnosed:
-    (folder / out).mkdir(exist_ok=True)
-    with renderer("realtime", 16) as (render, settings):
-        return diagnose(captures, document, render, settings, folder / "cache", folder / out, verify=True)
-
-
-@pytest.fixture(scope="module")
-def null(folder: Path, document: Document, truth: list[Rendered]) -> Diagnosed:
-    return _diagnosed(folder, document, _capture(folder, document, truth, "null", ()), "null")
-
-
-@pytest.fixture(scope="module")
-def vignetting(folder: Path, document: Document, truth: list[Rendered]) -> Diagnosed:
-    return _diagnosed(
-        folder, document, _capture(folder, document, truth, "vignetting", [TRUTH]), "vignetting"
-    )
+def vignetting(rig: Rig) -> Diagnosed:
+    return rig.diagnosed(rig.captured("vignetting", [TRUTH]), "vignetting")
 
 
 def test_captures_that_are_what_the_scene_says_need_nothing(null: Diagnosed) -> None:
@@ -210,12 +141,12 @@ def test_without_the_effects_calibrations_errors_are_left(vignetting: Diagnosed)
         assert np.abs(left - c.simulated().dn).max() > 0.1
 
 
-def test_the_corrected_scene_has_the_effect(folder: Path, document: Document, vignetting: Diagnosed) -> None:
-    path = folder / "vignetting" / vignetting.diagnosis.corrected_scene
+def test_the_corrected_scene_has_the_effect(rig: Rig, vignetting: Diagnosed) -> None:
+    path = rig.folder / "vignetting" / vignetting.diagnosis.corrected_scene
     effect = vignetting.diagnosis.effects[0]
     for camera in open_scene(path).scene(0).cameras:
         assert camera.lens.vignetting == pytest.approx([effect.parameters[a].value for a in ("a2", "a4")])
-    assert document.scene(0).camera("Camera0").lens.vignetting == (0.0, 0.0)
+    assert rig.document.scene(0).camera("Camera0").lens.vignetting == (0.0, 0.0)
 
 
 def test_the_waterfall_adds_up(vignetting: Diagnosed) -> None:
@@ -245,20 +176,20 @@ def test_edges_lie_where_the_simulation_has_them(null: Diagnosed) -> None:
     assert edges.after.rms < 2 * edges.after.floor < 0.1  # px; one renderer for both
 
 
-def test_the_report_stands_alone(folder: Path, vignetting: Diagnosed) -> None:
-    captures = captures_file.read(folder / "vignetting" / "captures.json")
-    write_report(folder / "report.html", vignetting, captures)
-    text = (folder / "report.html").read_text()
+def test_the_report_stands_alone(rig: Rig, vignetting: Diagnosed) -> None:
+    captures = captures_file.read(rig.folder / "vignetting" / "captures.json")
+    write_report(rig.folder / "report.html", vignetting, captures)
+    text = (rig.folder / "report.html").read_text()
     assert "The gap comes from vignetting" in text
     assert text.count("data:image/png;base64,") >= 4
     assert "http" not in text.replace("http-equiv", "")
 
 
-def test_expected_dn_are_the_mean_of_many_frames(document: Document, truth: list[Rendered]) -> None:
-    scene = document.scene(0)
+def test_expected_dn_are_the_mean_of_many_frames(rig: Rig) -> None:
+    scene = rig.document.scene(0)
     camera = scene.camera("Camera0")
     camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
-    image = Image(truth[0].radiance(scene) * 0.5)
+    image = Image(rig.truth[0].radiance(scene) * 0.5)
     effects = [TRUTH, BlackLevel(70.0)]
     rng = np.random.default_rng(0)
     frames = np.stack([expose(image, camera, 1.0, rng=rng, effects=effects).pixels for _ in range(60)])
@@ -271,24 +202,26 @@ def test_expected_dn_are_the_mean_of_many_frames(document: Document, truth: list
     assert np.mean(frames.var(0, ddof=1)[bright] / temporal[bright]) == pytest.approx(1, abs=0.01)
 
 
-def test_light_adds_up_and_is_rendered_once(folder: Path, document: Document, truth: list[Rendered]) -> None:
-    assert truth[0] is truth[3]  # one arrangement
-    alone = truth[0].radiance(document.scene(0)) + truth[2].radiance(document.scene(4))
-    assert alone == pytest.approx(truth[3].lamps["/World/LED0"] + truth[3].lamps["/World/LED4"], rel=1e-5)
-    everything = sum(truth[3].lamps.values()) + truth[3].rest
-    assert truth[3].radiance(document.scene(6)) == pytest.approx(everything, rel=1e-5)
+def test_light_adds_up_and_is_rendered_once(rig: Rig) -> None:
+    assert rig.truth[0] is rig.truth[3]  # one arrangement
+    alone = rig.truth[0].radiance(rig.document.scene(0)) + rig.truth[2].radiance(rig.document.scene(4))
+    assert alone == pytest.approx(
+        rig.truth[3].lamps["/World/LED0"] + rig.truth[3].lamps["/World/LED4"], rel=1e-5
+    )
+    everything = sum(rig.truth[3].lamps.values()) + rig.truth[3].rest
+    assert rig.truth[3].radiance(rig.document.scene(6)) == pytest.approx(everything, rel=1e-5)
 
     def never(*given: object) -> Image:
         raise AssertionError("what the cache holds must not be rendered")
 
     with renderer("realtime", 16) as (_, settings):
-        views = [(s, s.camera(_camera(s.time))) for s in map(document.scene, TIMES)]
-        again = render_all(views, never, settings, folder / "cache")
-    assert np.array_equal(again[0].lamps["/World/LED0"], truth[0].lamps["/World/LED0"])
+        views = [(s, s.camera(camera_at(s.time))) for s in map(rig.document.scene, TIMES)]
+        again = render_all(views, never, settings, rig.folder / "cache")
+    assert np.array_equal(again[0].lamps["/World/LED0"], rig.truth[0].lamps["/World/LED0"])
 
 
 @pytest.fixture(scope="module")
-def shown(folder: Path, document: Document, null: Diagnosed) -> list[State]:
+def shown(rig: Rig, null: Diagnosed) -> list[State]:
     return [State(c) for c in null.conditions]
 
 
@@ -344,106 +277,13 @@ def test_a_correction_of_the_chain_equals_its_effect(vignetting: Diagnosed) -> N
     assert Model(fitted.terms, theta, theta).simulated(condition) == pytest.approx(expected, abs=1e-2)
 
 
-def _of(document: Document, truth: list[Rendered]) -> list[Rendered]:
-    """One rendering a condition: times 6 and 7 are repeats."""
-    return [r for time, r in zip(TIMES, truth, strict=True) if time != 7]
-
-
-def test_captures_that_do_not_fit_the_scene_are_told_together(folder: Path, document: Document) -> None:
-    path = folder / "wrong.json"
-    images.write(folder / "small.png", np.zeros((5, 5, 3), np.uint16))
-    images.write(folder / "bright.png", np.full((HEIGHT, WIDTH, 3), 60000, np.uint16))
-    entry = {"time": 0, "exposure": 1}
-    entries = [
-        {**entry, "image": "small.png", "camera": "/World/Camera0"},
-        {**entry, "image": "bright.png", "camera": "/World/Camera0"},
-        {**entry, "image": "null/00.png", "camera": "/World/Camra0"},
-    ]
-    path.write_text(json.dumps({"scene": "scene.usda", "captures": entries}))
-    with pytest.raises(FileError) as error:
-        conditions(captures_file.read(path), document)
-    said = str(error.value).splitlines()
-    assert len(said) == 3
-    assert "captures[0].image" in said[0]
-    assert "112 x 84 px" in said[0]
-    assert "4095" in said[1]
-    assert 'Did you mean "/World/Camera0"' in said[2]
-
-
-def test_a_camera_that_looks_elsewhere_is_named(
-    folder: Path, document: Document, truth: list[Rendered]
-) -> None:
-    """Half an image further down stands for a grossly wrong pose; the other camera's captures are right."""
-    found = _found(folder, document, truth)
-    must_overlap(found)
-    turned = [
-        replace(c, mean=np.roll(c.mean, HEIGHT // 2, axis=0)) if c.camera.name == "/World/Camera1" else c
-        for c in found
-    ]
-    with pytest.raises(BrightfieldError, match=r"those of /World/Camera1 \(correlation"):
-        must_overlap(turned)
-
-
-def _found(folder: Path, document: Document, truth: list[Rendered]) -> list[Condition]:
-    found = conditions(_capture(folder, document, truth, "null", ()), document)
-    return [replace(c, rendered=r) for c, r in zip(found, _of(document, truth), strict=True)]
-
-
-def test_captures_that_lie_off_are_told(folder: Path, document: Document, truth: list[Rendered]) -> None:
-    found = _found(folder, document, truth)
-    assert shifts(found) == {}
-    rolled = [replace(c, mean=np.roll(c.mean, (4, 3), (0, 1))) for c in found]
-    assert shifts(rolled) == {
-        name: pytest.approx(5, abs=0.3) for name in ("/World/Camera0", "/World/Camera1")
-    }
-
-
-def test_8_bit_images_are_compared_in_their_own_steps(
-    folder: Path, document: Document, truth: list[Rendered]
-) -> None:
-    """The sensor's 4095 DN in 255: what differs is temporal noise and the rounding, 1/12 of a step squared."""
-    captures = _capture(folder, document, truth, "null", ())
-    eight = tuple(replace(c, pixels=np.rint(c.pixels * 255 / 4095), bits=8) for c in captures.captures)
-    found = with_files_bits(conditions(replace(captures, captures=eight), document))
-    found = [replace(c, rendered=r) for c, r in zip(found, _of(document, truth), strict=True)]
-    for c in (c for c in found if c.lamps):
-        model = c.simulated()
-        assert model.top == 255
-        ok = c.usable(model)[..., None] & (model.dn > 20)  # in the dark all values round alike
-        z = (c.captures[0].pixels - model.dn)[ok] / np.sqrt(model.temporal[ok])
-        assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.1)
-    first, second = notes_on_files(found)
-    assert "a step is 16.1 DN" in first
-    assert "processed" in second
-    assert notes_on_files(_found(folder, document, truth)) == []
-
-
-def test_captures_of_something_else_are_refused(folder: Path, document: Document, null: Diagnosed) -> None:
-    captures = captures_file.read(folder / "null" / "captures.json")
-    rng = np.random.default_rng(0)
-    other = tuple(
-        replace(c, pixels=rng.permuted(c.pixels.reshape(-1)).reshape(c.pixels.shape))
-        for c in captures.captures
-    )
-    with pytest.raises(BrightfieldError, match="must show what the scene shows"):
-        _diagnosed(folder, document, replace(captures, captures=other), "other")
-
-
-def test_two_conditions_are_too_few(folder: Path, document: Document, null: Diagnosed) -> None:
-    captures = captures_file.read(folder / "null" / "captures.json")
-    with pytest.raises(BrightfieldError, match="three different conditions"):
-        conditions(replace(captures, captures=captures.captures[:2]), document)
-
-
-def test_the_command_writes_all_three(
-    folder: Path, null: Diagnosed, capsys: pytest.CaptureFixture[str]
-) -> None:
-    data = json.loads((folder / "null" / "captures.json").read_text())
+def test_the_command_writes_all_three(rig: Rig, null: Diagnosed, capsys: pytest.CaptureFixture[str]) -> None:
+    data = json.loads((rig.folder / "null" / "captures.json").read_text())
     data["captures"] = [data["captures"][i] for i in (0, 2, 3, 7)]
-    (folder / "null" / "few.json").write_text(json.dumps(data))
-    words = ["diagnose", str(folder / "null" / "few.json"), "--render", "realtime", "--samples", "16"]
-    out = folder / "command"
-    assert main([*words, "--out", str(out), "--cache", str(folder / "cache")]) == 0
+    (rig.folder / "null" / "few.json").write_text(json.dumps(data))
+    words = ["diagnose", str(rig.folder / "null" / "few.json"), "--render", "realtime", "--samples", "16"]
+    out = rig.folder / "command"
+    assert main([*words, "--out", str(out), "--cache", str(rig.folder / "cache")]) == 0
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "none"
     assert {p.name for p in out.iterdir()} == {"diagnosis.json", "report.html", "scene_corrected.usda"}
     assert "No unmodelled effect was found" in capsys.readouterr().out

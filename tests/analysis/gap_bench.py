@@ -1,0 +1,79 @@
+"""Captures of the bench with three of its six lamps, and its renderings by the rasteriser, for the tests of the
+diagnosis from captures.json to the verdict; the fixture ``rig`` of conftest."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from pxr import Usd
+
+from analysis.gap.diagnose import Diagnosed, diagnose
+from analysis.gap.radiance import Rendered, render_all
+from analysis.gap.renderers import renderer
+from interchange.captures import Captures
+from interchange.effects import Effect
+from interchange.exposure import expose
+from interchange.formats import captures as captures_file
+from interchange.formats import images
+from interchange.formats.document import Document, open_scene
+from interchange.image import Image
+
+BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
+WIDTH, HEIGHT = 112, 84
+TIMES = (0, 1, 4, 6, 7, 10, 12, 13, 15)
+EXPOSURE = dict.fromkeys((6, 7, 13), 0.5) | {10: 0.25}
+
+
+def camera_at(time: float) -> str:
+    return "/World/Camera0" if time < 13 else "/World/Camera1"
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """``truth``: what ``document`` shows at each of ``TIMES``, by the diagnosis's own renderer, which is not what is
+    tested."""
+
+    folder: Path
+    document: Document
+    truth: list[Rendered]
+
+    def captured(self, name: str, effects: Sequence[Effect]) -> Captures:
+        """Written to ``folder / name``, and read."""
+        rng = np.random.default_rng(3)
+        entries = []
+        (self.folder / name).mkdir(exist_ok=True)
+        for time, shown in zip(TIMES, self.truth, strict=True):
+            scene = self.document.scene(time)
+            camera = scene.camera(camera_at(time))
+            camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
+            t_exp = EXPOSURE.get(time, 1.0)
+            dn = expose(Image(shown.radiance(scene)), camera, t_exp, rng=rng, effects=effects).pixels
+            file = self.folder / name / f"{time:02d}.png"
+            images.write(file, dn.astype(np.uint16))
+            entries.append({"image": file.name, "camera": camera.name, "time": time, "exposure": t_exp})
+        path = self.folder / name / "captures.json"
+        path.write_text(json.dumps({"scene": "../scene.usda", "captures": entries}))
+        return captures_file.read(path)
+
+    def diagnosed(self, captures: Captures, out: str) -> Diagnosed:
+        where = self.folder / out
+        where.mkdir(exist_ok=True)
+        with renderer("realtime", 16) as (render, settings):
+            return diagnose(
+                captures, self.document, render, settings, self.folder / "cache", where, verify=True
+            )
+
+
+def rig_in(folder: Path) -> Rig:
+    stage = Usd.Stage.Open(str(BENCH))
+    for lamp in ("LED2", "LED3", "LED5"):
+        stage.RemovePrim(f"/World/{lamp}")
+    text = stage.GetRootLayer().ExportToString()
+    assert text.count("(480, 360)") == 2
+    (folder / "scene.usda").write_text(text.replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
+    document = open_scene(folder / "scene.usda")
+    views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, TIMES)]
+    with renderer("realtime", 16) as (render, settings):
+        return Rig(folder, document, render_all(views, render, settings, folder / "cache"))
