@@ -10,6 +10,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT, STAGES
 from analysis.gap.fit import SLIGHT, Fit
 from analysis.gap.model import Model
+from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
 from analysis.gap.terms import added
@@ -18,6 +19,7 @@ CATALOGUED = {name for names in STAGES.values() for name in names}
 KEPT = 0.25  # of what an effect claims on held-out captures: with less, its slope there is under 0.63
 SEEN = 16.0  # sigma²: of less noise hides half
 UNKNOWN = "outside the catalogue"
+PATTERN = "fixed_pattern"
 
 Told = Callable[[str, float], None]
 Cause = tuple[str, str]
@@ -25,25 +27,37 @@ Cause = tuple[str, str]
 
 @dataclass(frozen=True, eq=False)
 class Attribution:
-    """``players``: effects found, and what is outside the catalogue; ``chi2`` of every set of them on the
-    held-out captures, ``share``: what each takes off it (Shapley)."""
+    """``players``: effects found by the fit, and what is outside the catalogue; ``chi2`` of every set of them, and of a
+    fixed pattern where its map is known, on the held-out captures; ``share``: what each takes off it (Shapley)."""
 
     players: dict[str, tuple[Cause, ...]]
     chi2: dict[frozenset[str], float]
     share: dict[str, float]
 
+    def lacking(self, name: str) -> float:
+        """χ² with all but one of them."""
+        return self.chi2[frozenset(self.share) - {name}]
+
 
 def attribution(
-    fitted: Fit, held: Sequence[Condition], by: Yardstick, before: Images, after: Images, told: Told
+    fitted: Fit,
+    held: Sequence[Condition],
+    by: Yardstick,
+    before: Images,
+    after: Images,
+    maps: PixelMaps | None,
+    told: Told,
 ) -> Attribution:
+    """``after``: with all that was fitted; ``maps``: of the cameras' pixels, where a fixed pattern was found."""
     players: dict[str, tuple[Cause, ...]] = {}
     for cause in called(fitted):
         name = cause[0] if cause[0] in CATALOGUED else UNKNOWN
         players[name] = (*players.get(name, ()), cause)
     chi2: dict[frozenset[str], float] = {}
     sets = Sets(fitted)
+    everything = [*players, *([PATTERN] if maps else [])]
 
-    def simulated(names: frozenset[str]) -> Sequence[np.ndarray]:
+    def simulated(names: frozenset[str]) -> Images:
         if not names:
             return before
         if len(names) == len(players):
@@ -52,11 +66,12 @@ def attribution(
         return [sets.simulated(out, c) for c in held]
 
     def closed(names: frozenset[str]) -> float:
-        chi2[names] = by.chi2(simulated(names))
-        told("shares", len(chi2) / 2 ** len(players))
+        images = simulated(names - {PATTERN})
+        chi2[names] = by.chi2(maps.applied(held, images) if maps and PATTERN in names else images)
+        told("shares", len(chi2) / 2 ** len(everything))
         return -chi2[names]
 
-    share = shares(list(players), closed)
+    share = shares(everything, closed)
     return Attribution(players, chi2, share)
 
 

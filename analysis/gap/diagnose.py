@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from analysis.gap import aperture
 from analysis.gap.attribution import (
     CATALOGUED,
+    PATTERN,
     Cause,
     Told,
     attribution,
@@ -48,6 +49,7 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.parallel import each
+from analysis.gap.pixel_map import pixel_maps
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
@@ -156,22 +158,25 @@ def diagnose(
     if sure.after is not fitted.after:
         corrected = each(sure.after.simulated, all_of_them)
     fitted = sure
+    after = [dn for c, dn in zip(all_of_them, corrected, strict=True) if c.held_out]
+    by = yardstick(held, after, scale)
+    pattern = any(n.name == PATTERN and n.probability >= PRESENT for n in judged)
+    maps = pixel_maps(all_of_them, corrected) if pattern else None
     shown = Simulations(
         tuple(c.simulated().dn for c in held),
         tuple(each(fitted.before.simulated, held)),
-        tuple(dn for c, dn in zip(all_of_them, corrected, strict=True) if c.held_out),
+        tuple(maps.applied(held, after) if maps else after),
     )
-    by = yardstick(held, shown.after, scale)
     if not any(ok.any() for ok in by.ok):
         raise BrightfieldError(
             "No pixel of the held-out captures can be compared: all are masked or saturated."
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
     told("shares", 0.0)
-    taken = attribution(fitted, held, by, shown.before, shown.after, told)
+    taken = attribution(fitted, held, by, shown.before, after, maps, told)
     findings = effects_found(fitted, taken, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
-    findings += [noise_effect(n, shrunk.after) for n in noise]
+    findings += [noise_effect(n, taken, shrunk) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
     unknown = what_is_unknown(fitted)
     rehearsal = None
@@ -203,6 +208,8 @@ def diagnose(
         for f in findings
         if DELAY in f.parameters and abs(f.parameters[DELAY].value) > 2 * f.parameters[DELAY].sigma
     }
+    if maps:
+        left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
     check = None
     if verify and findings:

@@ -19,7 +19,6 @@ from interchange.sensor import Sensor
 
 def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
     sigma = uncertainty(fitted)
-    everything = frozenset(taken.players)
     by = {
         (*t.candidate, t.parameter): float(x) for t, x in zip(fitted.terms, fitted.after.theta, strict=True)
     }
@@ -55,7 +54,7 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
                 parameters=estimates,
                 rivals=rivals,
                 separate_by=separate,
-                gap_without=float(np.sqrt(taken.chi2[everything - {name}])),
+                gap_without=float(np.sqrt(taken.lacking(name))),
                 gap_with=shrunk.after,
                 share=taken.share[name] / shrunk.before**2,
                 cameras=tuple(dict.fromkeys(called(fitted.terms[i].camera) for i in index))
@@ -90,9 +89,13 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
     return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
 
 
-def noise_effect(noise: NoiseFinding, chi: float) -> Finding:
+def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Finding:
+    """What does not move the mean image closes nothing; a fixed pattern does where its map is known."""
     values = {n: Estimate(x.value, x.sigma, x.unit) for n, x in noise.parameters.items()}
-    return Finding(noise.name, min(noise.probability, 0.999), values, (), None, chi, chi, 0.0)
+    lacking, share = shrunk.after, 0.0
+    if noise.name in taken.share:
+        lacking, share = float(np.sqrt(taken.lacking(noise.name))), taken.share[noise.name] / shrunk.before**2
+    return Finding(noise.name, min(noise.probability, 0.999), values, (), None, lacking, shrunk.after, share)
 
 
 def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFinding:
