@@ -88,6 +88,9 @@ class Sensor:
     line_time: float = parameter(
         0.0, "t_l", "s", 0, 10, "a row starts that much later; 0 is a global shutter"
     )
+    exposure_delay: float = parameter(
+        0.0, "t_0", "s", -1, 1, "time that the shutter is open beyond the exposure that is set"
+    )
     frame_rate: float = parameter(0.0, "f_p", "1/s", 0, 1e6, "frames a second; 0 is not set")
     demosaic: Demosaic = Demosaic.BILINEAR
     white_balance: Color = parameter((1, 1, 1), "w", "1", 0, 64, "gain of each channel's DN", Kind.COLOR)

@@ -184,7 +184,7 @@ def shutter_delay(conditions: Sequence[Condition], tolerances: Tolerances) -> li
         return np.asarray(s.signal / np.float32(s.camera.t_exp))
 
     spike = tolerances.light_intensity / 5 * min(times)
-    return [Term("exposure", "", DELAY, "s", spike, field)]
+    return [Term("exposure", "", DELAY, "s", spike, field, start=conditions[0].camera.sensor.exposure_delay)]
 
 
 def _across(down: Term, model: type[Effect]) -> Term:

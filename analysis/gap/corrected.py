@@ -12,17 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from analysis.gap.chain_terms import DARK
+from analysis.gap.saturation_terms import KNEES, lost_above
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
 from interchange.effects.anisotropy import Anisotropy
+from interchange.effects.response_curve import ResponseCurve
 from interchange.formats.document import Document
 from interchange.formats.usd_changes import Frame, author_changes
 from interchange.parameter import parameters
 from interchange.problems import BrightfieldError
 from interchange.scene import Scene
+from interchange.sensor import Response
 
 STRAIGHT = 0.2  # sine of twice what a grain may run beside the tangent, which a scene has it along or across
+ENTRIES = 1001  # of a response that fills up: one at every knee
 STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z) mm"
 
 
@@ -97,6 +101,8 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
 
 
 def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
+    if change.effect == "saturation":
+        return _filling_up(camera, change)
     own = model.of(camera)
     start = change.without
     given = {
@@ -113,12 +119,29 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         camera = replace(camera, sensor=replace(s, dark_current=max(s.dark_current + more, 0.0)))
     if change.effect == "exposure":
         factor = float(getattr(effect, "scale"))  # noqa: B009
+        camera = effect.on(camera)
         s = camera.sensor
         if s.responsivity > 0:
             return replace(camera, sensor=replace(s, responsivity=factor * s.responsivity))
         r, g, b = (factor * x for x in s.spectral_response)
         return replace(camera, sensor=replace(s, spectral_response=(r, g, b)))
     return effect.on(camera) if effect.carried_by or type(effect).on is not Effect.on else camera
+
+
+def _filling_up(camera: Camera, change: Change) -> Camera:
+    """With a response that bends at the knees (analysis.gap.saturation_terms), or ends where the well is full: a
+    camera's full well says its gain, too."""
+    s = camera.sensor
+    own = ResponseCurve(response=s.response, lut=s.response_lut)
+    y = own.curve(np.linspace(0, 1, ENTRIES))
+    start = change.without or {}
+    above = {k: change.values.get(lost_above(k), 0.0) - start.get(lost_above(k), 0.0) for k in KNEES}
+    y = y - np.sum([lost * np.maximum(y - k, 0) for k, lost in above.items()], axis=0)
+    if "full_well" in change.values:
+        y = np.minimum(y, s.K * change.values["full_well"] / (2**s.bit_depth - 1 - s.black_level))
+    if (np.diff(y) < 0).any():
+        raise BrightfieldError("A response that falls again is none of a sensor's.")
+    return replace(camera, sensor=replace(s, response=Response.LUT, response_lut=tuple(map(float, y))))
 
 
 def _within(model: type[Effect], values: dict[str, float]) -> dict[str, float]:

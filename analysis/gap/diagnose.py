@@ -22,7 +22,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.chain_terms import DELAY, signed
+from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.corrected import Change, write_corrected
@@ -63,7 +63,12 @@ from interchange.formats.document import Document
 from interchange.problems import BrightfieldError
 
 SLIGHTLY = 1.5  # times a tolerance that nobody need look after
-WRITTEN = ("sensor_noise", "fixed_pattern", "jpeg")  # effects without a mean that a scene file can say
+WRITTEN = (
+    "sensor_noise",
+    "fixed_pattern",
+    "saturation",
+    "jpeg",
+)  # effects without a mean that a scene file can say
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +207,6 @@ def diagnose(
         f.name: "Its pattern in places is in no scene file."
         for f in findings
         if "rms in places" in f.parameters
-    }
-    left |= {
-        f.name: "How much longer the shutter is open than is set is in no scene file."
-        for f in findings
-        if DELAY in f.parameters and abs(f.parameters[DELAY].value) > 2 * f.parameters[DELAY].sigma
     }
     if maps:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."

@@ -24,12 +24,12 @@ def saturation_terms(conditions: Sequence[Condition], tolerances: Tolerances) ->
     """Of the knees that enough pixels of some image lie above."""
     seen = [k for k in KNEES if any(_bright(c, k) for c in conditions)]
     spike = SMOOTH * tolerances.flat_field / np.sqrt(max(len(seen), 1))
-    return [
-        Term(
-            "saturation", "", f"lost above {100 * k:.0f} % of the range", "1", spike, _lost(k), relative=True
-        )
-        for k in seen
-    ]
+    return [Term("saturation", "", lost_above(k), "1", spike, _lost(k), relative=True) for k in seen]
+
+
+def lost_above(knee: float) -> str:
+    """The parameter's name."""
+    return f"lost above {100 * knee:.0f} % of the range"
 
 
 def _bright(condition: Condition, knee: float) -> bool:

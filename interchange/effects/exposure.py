@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from interchange.camera import Camera
-from interchange.effects.base import Effect, Stage
+from interchange.effects.base import Effect, Stage, carried
 from interchange.image import Image
 from interchange.parameter import parameter
 
@@ -26,9 +26,9 @@ class Exposure(Effect):
     confused_with = ("light_intensity", "response_curve", "saturation")
     separated_by = "the same scene at half and at twice the exposure"
     pointwise = True
+    carried_by = carried(delay="sensor.exposure_delay")
 
     scale: float = parameter(1.0, "a", "1", 0, 1e6, "electrons over those that the camera's numbers give")
-
     delay: float = parameter(
         0.0, "t_0", "s", -1, 1, "time that the shutter is open beyond the exposure that is set"
     )

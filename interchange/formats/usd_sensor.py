@@ -54,6 +54,7 @@ ATTRIBUTES = (
     Attribute("sensor:mosaic", NAMES.Token, "sensor", "mosaic"),
     Attribute("sensor:colorCrosstalk", NAMES.DoubleArray, "sensor", "color_crosstalk"),
     Attribute("sensor:lineTime", NAMES.Double, "sensor", "line_time"),
+    Attribute("sensor:exposureDelay", NAMES.Double, "sensor", "exposure_delay"),
     Attribute("sensor:frameRate", NAMES.Double, "sensor", "frame_rate"),
     Attribute("sensor:demosaic", NAMES.Token, "sensor", "demosaic"),
     Attribute("sensor:whiteBalance", NAMES.Double3, "sensor", "white_balance"),

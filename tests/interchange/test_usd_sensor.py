@@ -55,6 +55,7 @@ SENSOR = Sensor(
     mosaic="GRBG",
     color_crosstalk=(0.01, 0.02, 0.03, 0.04, 0.05, 0.06),
     line_time=1.37e-5,
+    exposure_delay=1.4e-5,
     frame_rate=41.7,
     demosaic="edge_aware",
     white_balance=(1.91, 1.0, 1.47),
