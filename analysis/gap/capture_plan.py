@@ -21,7 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from analysis.gap.advice import separating
-from analysis.gap.chain_terms import chain_terms
+from analysis.gap.chain_terms import chain_terms, dark_current, shutter_delay
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
@@ -30,7 +30,7 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.radiance import Render, Rendered, arrangement, render_all
 from analysis.gap.state import State
-from analysis.gap.terms import Term
+from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera
 from interchange.captures import Capture, Tolerances
 from interchange.formats.document import Document
@@ -137,35 +137,61 @@ class Margins:
         )
         members: dict[Cause, list[int]] = {}
         for i, term in enumerate(terms):
-            if seen[i]:
+            if seen[i] and term.cause != NUISANCE and not term.form:
                 members.setdefault(term.candidate, []).append(i)
         self.members = {c: np.array(i) for c, i in members.items()}
         self.slab = np.zeros(len(terms))
         for index in self.members.values():
             self.slab[index] = SEVERITY / safe[index] / np.sqrt(len(index))
+        told = np.array([[not _the_same(a, b) for a in self.members] for b in (None, *self.members)], bool)
+        self._told = told.reshape(-1)
+        every = [(a, b) for b in (None, *self.members) for a in self.members]
         self.pairs: list[tuple[Cause, Cause | None]] = [
-            (a, b) for b in (None, *self.members) for a in self.members if a != b
+            p for p, t in zip(every, self._told, strict=True) if t
         ]
+        sizes = [len(i) for i in self.members.values()]
+        self._places = [
+            np.flatnonzero(np.equal(sizes, m)) for m in sorted(set(sizes))
+        ]  # of effects of as many terms
 
     def of(self, G: np.ndarray) -> np.ndarray:
         """(n,) margins in nats of ``pairs``."""
         D = self.spike
         C = np.linalg.inv(np.eye(len(D)) + G * D[:, None] * D[None, :])  # in units of the spikes
         ratio = self.slab / D
-        out = []
-        for rival in (None, *self.members):
-            within = C
-            if rival is not None:
-                j = self.members[rival]
-                delta = np.maximum(100 * ratio[j], 2.0) ** -2 - 1.0  # as good as free
-                inner = np.linalg.inv(np.diag(1 / delta) + C[np.ix_(j, j)])
-                within = C - C[:, j] @ inner @ C[j]
-            for effect, i in self.members.items():
-                if effect == rival:
-                    continue
-                S = np.linalg.inv(within[np.ix_(i, i)]) - np.eye(len(i))
-                out.append(max(0.5 * float(np.sum(np.diag(S) * ratio[i] ** 2)), 0.0))
-        return np.array(out)
+        own = list(self.members.values())
+        groups = []
+        for places in self._places:
+            i = np.stack([own[k] for k in places])  # (n, m)
+            groups.append((places, i, np.linalg.inv(C[i[:, :, None], i[:, None, :]])))
+        out = np.zeros((1 + len(own), len(own)))
+        for row, rival in enumerate((None, *own)):
+            V = self._freed(C, ratio, rival)
+            for places, i, P in groups:
+                if V.shape[1] < i.shape[1]:  # by Woodbury's formula
+                    U = P @ V[i]
+                    inner = np.linalg.inv(np.eye(V.shape[1]) + V[i].transpose(0, 2, 1) @ U)
+                    S = np.diagonal(P, axis1=1, axis2=2) - ((U @ inner) * U).sum(axis=2)
+                else:
+                    within = C[i[:, :, None], i[:, None, :]] + V[i] @ V[i].transpose(0, 2, 1)
+                    S = np.diagonal(np.linalg.inv(within), axis1=1, axis2=2)
+                out[row, places] = 0.5 * ((S - 1) * ratio[i] ** 2).sum(axis=1)
+        return np.maximum(out.reshape(-1)[self._told], 0.0)
+
+    def _freed(self, C: np.ndarray, ratio: np.ndarray, rival: np.ndarray | None) -> np.ndarray:
+        """(q, k): V, where the covariance is C + V V' with the terms ``rival`` as good as free."""
+        if rival is None:
+            return np.zeros((len(C), 1))
+        more = 1 - np.maximum(100 * ratio[rival], 2.0) ** -2
+        w, Q = np.linalg.eigh(np.diag(1 / more) - C[np.ix_(rival, rival)])
+        return np.asarray(
+            C[:, rival] @ (Q / np.sqrt(np.maximum(w, 1e-9)))
+        )  # what nothing shows moves nothing else
+
+
+def _the_same(a: Cause, b: Cause | None) -> bool:
+    """Whether both are one effect on one thing, whichever way it takes."""
+    return b is not None and a[0] == b[0] and a[1].partition(",")[0] == b[1].partition(",")[0]
 
 
 def _greedy(
@@ -212,6 +238,8 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term
         *shaded(conditions, tolerances),
         *material_terms(conditions, tolerances),
         *chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions}),
+        *dark_current(conditions, tolerances),
+        *shutter_delay(conditions, tolerances),
     ]
     return [t for t in found if not t.generic]
 
@@ -256,9 +284,9 @@ def _candidates(
             scene = _lit(whole, brightest, lamps)
             exposure = _exposure(scene, camera, shown) if lamps else base
             base = max(base, exposure)
-            full = len(lamps) == len(powered)
+            several = len(lamps) in (0, len(powered))  # the exposures that light and dark are told by
             for stops, factor in (("", 1.0), (", a quarter", 0.25), (", four times", 4.0)):
-                if factor != 1 and not full:
+                if factor != 1 and not several:
                     continue
                 seconds = _rounded(factor * exposure)
                 time = _existing(scenes, name, like, lamps, whole)

@@ -1,14 +1,17 @@
 """The plan of captures: margins in closed form, and on a plain plate what has to be captured to tell offsets."""
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.gap.capture_plan import ALL, ENOUGH, SEVERITY, CapturePlan, Margins, capture_plan
+from analysis.gap.attribution import CATALOGUED
+from analysis.gap.capture_plan import ALL, ENOUGH, NONE, SEVERITY, CapturePlan, Margins, capture_plan
 from analysis.gap.renderers import renderer
-from analysis.gap.terms import Term
+from analysis.gap.terms import NUISANCE, Term
 from composer.cli import main
 from interchange.formats import images
 from interchange.formats.captures import read
@@ -57,7 +60,7 @@ def Xform "World" {
 """
 
 
-def _terms(causes: str, spike: float) -> list[Term]:
+def _terms(causes: Sequence[str], spike: float) -> list[Term]:
     return [Term(c, "", f"p{i}", "1", spike, lambda s: None) for i, c in enumerate(causes)]
 
 
@@ -117,6 +120,25 @@ def test_a_plain_plate_needs_more_than_one_exposure(plan: CapturePlan) -> None:
     assert all(x.margin < ENOUGH for x in plan.confusable)
     assert plan.told + len(plan.confusable) == plan.pairs
     assert sum(p.repeats for p in plan.captures) == len(chosen) + 3
+
+
+def test_a_second_way_of_an_effect_and_what_calibration_leaves_are_no_rivals() -> None:
+    X = np.random.default_rng(5).standard_normal((60, 3))
+    a, b, c = _terms(["a", "b", NUISANCE], 0.01)
+    assert Margins([a, replace(b, form=True), c], X.T @ X, 1e4).pairs == [(("a", ""), None)]
+
+
+def test_a_plan_is_about_effects(plan: CapturePlan) -> None:
+    pairs = [*plan.confusable, *(x for p in plan.captures for x in p.separates)]
+    named = {cause for x in pairs for cause in (x.effect, x.rival) if cause is not None}
+    assert {name for name, _ in named} <= CATALOGUED
+
+
+def test_the_dark_tells_at_two_exposures(scene: Path) -> None:
+    """A dark current from a black level, and either from the ambient light."""
+    with renderer("realtime", 4) as (render, settings):
+        whole = capture_plan(open_scene(scene), render, settings, scene.parent / "cache", most=99)
+    assert len({p.candidate.exposure for p in whole.captures if p.candidate.lighting == NONE}) >= 2
 
 
 def test_the_skeleton_is_a_captures_file_once_images_are_there(
