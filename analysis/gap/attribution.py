@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT, STAGES
-from analysis.gap.fit import SLIGHT, Fit
+from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
@@ -16,8 +15,6 @@ from analysis.gap.shrinkage import Gap, Images, Yardstick
 from analysis.gap.terms import added
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
-KEPT = 0.25  # of what an effect claims on held-out captures: with less, its slope there is under 0.63
-SEEN = 16.0  # sigma²: of less noise hides half
 UNKNOWN = "outside the catalogue"
 PATTERN = "fixed_pattern"
 
@@ -75,76 +72,9 @@ def attribution(
     return Attribution(players, chi2, share)
 
 
-def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
-    """Less the causes, with a name or without, that the held-out captures refute; what is left over is told anew then.
-
-    What a cause changes there, δ, would take off Σ δ² / σ² if it were all true, and takes off 2 β - 1 of that, β the
-    slope of what captures have beyond the others on δ. Where that is less than ``KEPT``, most of it is not there; one
-    that would not be seen there either way is not judged.
-    """
-    sets = Sets(fitted)
-    while True:
-        best, after = fitted.best, [fitted.after.simulated(c) for c in held]
-        gone = [c for c in sets.causes if c not in best.causes]
-        left = {}
-        for cause in best.causes:
-            if best.causes == (cause,):  # then what the file claims at its best is all that is left
-                less = [fitted.before.simulated(c) for c in held]
-            else:
-                less = [sets.simulated([*gone, cause], c) for c in held]
-            left[cause] = taken_off(by, less, after)
-        worst = min(left, key=lambda c: left[c], default=None)
-        if worst is None or left[worst] >= KEPT:
-            return fitted
-        kept = [k for k, c in enumerate(best.causes) if c != worst]
-        fewer = replace(
-            best,
-            causes=tuple(best.causes[k] for k in kept),
-            slabs=tuple(best.slabs[k] for k in kept),
-        )
-        fitted = replace(
-            fitted,
-            after=without(fitted, [worst]) if fewer.causes else fitted.before,
-            hypotheses=(fewer, *fitted.hypotheses),
-            probability={**fitted.probability, worst: 0.0},
-            refuted=(*fitted.refuted, worst),
-            left_over=left_over(fitted.weighed, fewer),
-        )
-
-
 def called(fitted: Fit) -> list[Cause]:
     """The causes that are probable."""
     return [c for c in fitted.best.causes if fitted.probability.get(c, 0.0) >= PRESENT]
-
-
-def only_called(fitted: Fit) -> Fit:
-    """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
-    nothing."""
-    best, kept = fitted.best, called(fitted)
-    if len(kept) == len(best.causes):
-        return fitted
-    if not kept:
-        return replace(fitted, after=fitted.before)
-    fewer = replace(best, causes=tuple(kept), slabs=tuple(best.slabs[best.causes.index(c)] for c in kept))
-    out = np.array([t.candidate in best.causes and t.candidate not in kept for t in fitted.terms], bool)
-    at = np.where(out, fitted.before.at, fitted.after.at)
-    theta = fitted.evidence.theta(fewer)
-    slight = np.abs(theta - at) * fitted.evidence.share < SLIGHT
-    of_kept = np.array([t.candidate in kept for t in fitted.terms], bool)
-    return replace(fitted, after=replace(fitted.after, theta=np.where(slight & ~of_kept, at, theta), at=at))
-
-
-def taken_off(by: Yardstick, before: Images, after: Images) -> float:
-    """What ``after`` takes off the mean χ² of ``before``, over what it would if all of it were true; 1 where that
-    would not be seen (less than twice its standard error by blocks)."""
-    sums = by.blocks(before, after, [2 * a - b for a, b in zip(after, before, strict=True)])
-    off = sums[:, 2] - sums[:, 4]
-    # of e² at 0, 1 and 2 times what changes the second difference is twice its square
-    wanted = 0.5 * (sums[:, 2] - 2 * sums[:, 4] + sums[:, 6])
-    error = float(np.std(off) * np.sqrt(len(off)))
-    if wanted.sum() < max(2 * error, SEEN):
-        return 1.0
-    return float(off.sum() / wanted.sum())
 
 
 class Sets:

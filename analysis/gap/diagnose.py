@@ -17,11 +17,10 @@ from analysis.gap.attribution import (
     Cause,
     Told,
     attribution,
-    confirmed,
-    only_called,
     waterfall,
     without,
 )
+from analysis.gap.calling import borne_out, confirmed
 from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
@@ -31,7 +30,6 @@ from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
-    beside_left_over,
     beside_unknown,
     cautious,
     effects_found,
@@ -159,7 +157,7 @@ def diagnose(
     if shown_of_noise is not evened:  # weighed by the data sheet, it would be taken for what has no name
         all_of_them, fitted, corrected, judged = stood(shown_of_noise)
     held = [c for c in all_of_them if c.held_out]
-    sure = only_called(beside_left_over(fitted, judged))
+    sure = borne_out(fitted, held, judged, scale)
     if sure.after is not fitted.after:
         corrected = each(sure.after.simulated, all_of_them)
     fitted = sure

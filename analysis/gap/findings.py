@@ -112,22 +112,6 @@ def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFind
     return replace(noise, probability=noise.probability * own / (own + unknown)) if unknown else noise
 
 
-def beside_left_over(fitted: Fit, noise: Sequence[NoiseFinding]) -> Fit:
-    """The causes beside what is left without one: less probable by E / (E + E_left), as beside what has no name
-    (analysis.gap.fit.believed). Where the noise is not what the sensor's model says, what is left is that."""
-    more, probable = fitted.left_over
-    if any(n.probability >= PRESENT for n in noise):
-        return replace(fitted, left_over=(more, 0.0))
-    if probable < PRESENT:
-        return fitted
-    e, theta, out = fitted.evidence.e, fitted.after.theta, dict(fitted.probability)
-    for cause in fitted.best.causes:
-        index = fitted.evidence.members[cause]
-        own = float(theta[index] @ e.G[np.ix_(index, index)] @ theta[index])
-        out[cause] = out.get(cause, 0.0) * own / (own + probable * more * e.count)
-    return replace(fitted, probability=out)
-
-
 def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
     """Generic families that the evidence asks for, described by where their largest part lies."""
     out = []

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import Sets, confirmed, without
+from analysis.gap.attribution import Sets, without
+from analysis.gap.calling import confirmed
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import record
 from analysis.gap.expected import mean_dn, noise_variance

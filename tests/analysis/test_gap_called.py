@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import called, only_called
+from analysis.gap.attribution import called
+from analysis.gap.calling import only_called
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model

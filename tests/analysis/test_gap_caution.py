@@ -7,6 +7,7 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import norm, t
 
+from analysis.gap.calling import beside_left_over
 from analysis.gap.caution import (
     TAILS,
     Caution,
@@ -18,7 +19,7 @@ from analysis.gap.caution import (
     thetas_without,
 )
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.findings import beside_left_over, cautious, what_is_unknown
+from analysis.gap.findings import cautious, what_is_unknown
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
