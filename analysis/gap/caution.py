@@ -7,7 +7,9 @@ that, all else staying as it is.
 **What is there is there in every condition.** Pixels share errors that log Z takes for independent ones; conditions
 share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
 that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio of
-Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it.
+Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it. That there is anything at all, an
+effect or something without a name, is no surer either (less log n / 2 for the number that was fitted), unless more is
+left without it than was to be expected.
 
 **What is left is told.** Noise, the renderer and edges are known to ``KNOWN``: a residual that is larger has a cause,
 whatever it is. Log Z compares hypotheses with each other and does not see it.
@@ -26,7 +28,7 @@ from analysis.gap.evidence import TAU, Cause, Evidence, Hypothesis
 from analysis.gap.normal_equations import NormalEquations, total_of
 
 TAILS = 8.0  # degrees of freedom
-FARTHEST, RUNGS = 16.0, 12  # of κ
+FARTHEST, RUNGS = 6.0, 8  # of κ: six in a million are larger, and what is further off is an effect
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
 FEWEST = 3  # conditions that may be left out in turn
 KNOWN = 0.04  # of what is to be left, one standard deviation
@@ -39,11 +41,12 @@ SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 class Caution:
     """Of a cause: the probability that it is an error of the calibration, a larger one than was declared; and
     ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
-    not tell), with what probability that leaves it at most."""
+    not tell), with what probability that leaves it at ``most``, and with what it leaves that it is ``something``."""
 
     tail: float
     spread: float
     most: float
+    something: float = 1.0
 
     def of(self, probability: float) -> float:
         return min(probability * (1 - self.tail), self.most)
@@ -65,7 +68,7 @@ def cautions(
     for c, (s, n) in spreads.items():
         ratio = 0.5 * n * np.log1p(1 / (s**2 * (n - 1))) if np.isfinite(s) else np.inf
         prior = h.log_prior - evidence.prior(_without(h, c)[0])
-        out[c] = Caution(tails[c], s, float(expit(ratio + prior)))
+        out[c] = Caution(tails[c], s, float(expit(ratio + prior)), float(expit(ratio - 0.5 * np.log(n))))
     return out
 
 
@@ -149,10 +152,24 @@ def left_over(evidence: Evidence, h: Hypothesis) -> tuple[float, float]:
     """What ``h`` leaves beyond what was to be expected, over that, and the probability that it has a cause without a
     name. What formulas of strong causes leave is none."""
     more = evidence.left(h) - 1
-    changed = [evidence.members[c] for c in h.causes]
-    theta = evidence.theta(h)
-    energy = sum(float(theta[i] @ evidence.e.G[np.ix_(i, i)] @ theta[i]) for i in changed)
-    if more <= SHAPE * energy / evidence.e.count:
-        return more, 0.0
+    return more, 0.0 if more <= SHAPE * _changed(evidence, h) else _has_a_cause(more)
+
+
+def uncalled(evidence: Evidence, h: Hypothesis) -> float:
+    """The probability that what is left has a cause where none of those of ``h`` is called: what they change is left
+    then, too."""
+    return _has_a_cause(evidence.left(h) - 1 + _changed(evidence, h))
+
+
+def _changed(evidence: Evidence, h: Hypothesis) -> float:
+    """What the causes of ``h`` change, each by itself, over what was to be left."""
+    theta, own = evidence.theta(h), [evidence.members[c] for c in h.causes]
+    energy = sum(float(theta[i] @ evidence.e.G[np.ix_(i, i)] @ theta[i]) for i in own)
+    return energy / max(evidence.e.count, 1e-30)
+
+
+def _has_a_cause(more: float) -> float:
+    if more <= 0:
+        return 0.0
     odds = OUTSIDE / (1 - OUTSIDE) * 2 * KNOWN / MORE
-    return more, float(expit(np.log(odds) + 0.5 * (more / KNOWN) ** 2 - 0.5 * (more / MORE) ** 2))
+    return float(expit(np.log(odds) + 0.5 * (more / KNOWN) ** 2 - 0.5 * (more / MORE) ** 2))

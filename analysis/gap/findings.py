@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.gap.advice import separating
 from analysis.gap.attribution import CATALOGUED, Attribution
+from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.fit import Fit, uncertainty
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
@@ -138,7 +139,11 @@ def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
     nothing = float(fitted.probability_of_none)
     if fitted.best.causes and not sure and nothing < PRESENT and not out:
         tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
-        out.append((f"something that no effect alone explains (nearest: {tried})", 1 - nothing))
+        probable = uncalled(fitted.weighed, fitted.best)
+        agreed = [fitted.cautions[c].something if c in fitted.cautions else 1.0 for c in fitted.best.causes]
+        p = (1 - nothing) * max(probable, *agreed)
+        if p >= PRESENT:
+            out.append((f"something that no effect alone explains (nearest: {tried})", p))
     return tuple(out)
 
 

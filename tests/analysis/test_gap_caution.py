@@ -59,7 +59,7 @@ def test_errors_have_the_tails_of_students_t() -> None:
     """Far out a mixture of normal distributions over κ is Student's; near by most of it is κ below 1.26, which the grid
     leaves to the width that is declared."""
     kappa, log_share = log_prior_of_kappa()
-    for x in (6.0, 9.0, 14.0):
+    for x in (6.0, 8.0, 10.0):
         mixed = float((np.exp(log_share) * norm.pdf(x, scale=kappa)).sum())
         assert mixed == pytest.approx(t.pdf(x, TAILS), rel=0.02)  # a grid of steps of 26 %
     assert np.exp(log_share).sum() < 1
@@ -92,6 +92,13 @@ def test_the_further_off_the_less_it_is_a_tolerance() -> None:
     assert found == sorted(found, reverse=True)
     assert found[0] > 0.25  # four tolerances: as likely as not
     assert found[-1] < 1e-3
+
+
+def test_what_is_far_beyond_every_slab_is_no_tolerance_either() -> None:
+    """Three quarters of the signal, 136 tolerances, as a pin that is a third higher: the widest slab is a tenth."""
+    tight = [_term("a", parameter=p, spike=0.75 / 136) for p in ("scale", "height")]
+    evidence = Evidence(total_of(_conditions([0.75])), tight)
+    assert tail(evidence, evidence.spike, evidence.best((A,), {}), A) < 1e-6
 
 
 def test_what_has_no_name_is_no_tolerance() -> None:
@@ -146,14 +153,14 @@ def test_few_conditions_and_places_do_not_tell() -> None:
     assert np.isnan(s)
 
 
-def _fit(probability: float, tail: float, most: float) -> Fit:
+def _fit(probability: float, tail: float, most: float, something: float = 1.0, amount: float = 0.1) -> Fit:
     """A fit of which only one cause and what speaks against it are known; log Z is sure that there is something."""
     h = [Hypothesis((LAMP,), (0.01,), 30.0, 0.0), Hypothesis((), (), 0.0, 0.0)]
     no, theta = np.zeros(0), np.array([0.1, 0.0])
     terms = [_term(LAMP[0], target=LAMP[1]), _term("b")]
     model = Model(tuple(terms), theta, np.zeros(2))
-    evidence = Evidence(total_of(_conditions([0.1])), terms)
-    careful = {LAMP: Caution(tail, 0.31, most)}
+    evidence = Evidence(total_of(_conditions([amount])), terms)
+    careful = {LAMP: Caution(tail, 0.31, most, something)}
     return Fit(
         model, model, tuple(h), {LAMP: probability}, (), evidence, evidence, (), no, no, no[None][:0], careful
     )
@@ -179,6 +186,25 @@ def test_what_conditions_do_not_agree_on_is_unknown() -> None:
         "The captures together speak for light spectrum of Left, but how much of it there is changes by 31 % as one or "
         "another is left out: it is not called."
     ]
+
+
+@pytest.mark.parametrize(("amount", "told"), [(0.002, False), (0.1, True)])
+def test_what_conditions_do_not_agree_on_is_unknown_where_something_is_left(
+    amount: float, told: bool
+) -> None:
+    """0.002 of a column that is 20 times the noise is not seen, 0.1 leaves five times the noise's square."""
+    found = what_is_unknown(_fit(0.1, tail=0.0, most=0.1, something=0.3, amount=amount))
+    assert bool(found) == told
+
+
+def test_that_there_is_something_is_no_surer_than_conditions_make_it() -> None:
+    """Odds of Student's t by what they scatter, over sqrt(6) for the number that was fitted."""
+    parts = _conditions([0.3, -0.2, 0.4, 0.1, -0.3, 0.2])
+    evidence, h = _found(parts)
+    caution = cautions(evidence, evidence.spike, h, evidence, parts, thetas_without(evidence, h, parts))[A]
+    odds = (1 + 1 / (5 * caution.spread**2)) ** 3 / np.sqrt(6)
+    assert caution.something == pytest.approx(odds / (1 + odds))
+    assert caution.most < caution.something < 0.5
 
 
 def test_what_is_called_needs_no_caution() -> None:
