@@ -284,9 +284,9 @@ def _candidates(
             scene = _lit(whole, brightest, lamps)
             exposure = _exposure(scene, camera, shown) if lamps else base
             base = max(base, exposure)
-            several = len(lamps) in (0, len(powered))  # the exposures that light and dark are told by
+            at_several = len(lamps) in (0, len(powered))  # all light, and the dark
             for stops, factor in (("", 1.0), (", a quarter", 0.25), (", four times", 4.0)):
-                if factor != 1 and not several:
+                if factor != 1 and not at_several:
                     continue
                 seconds = _rounded(factor * exposure)
                 time = _existing(scenes, name, like, lamps, whole)

@@ -121,7 +121,8 @@ def saturation(conditions: Sequence[Condition], simulations: Sequence[np.ndarray
     level, pixels = cut
     if level > (1 - LEAST_LOWER) * (2**sensor.bits_out - 1):
         return NoiseFinding("saturation", certainty(-3.0), {"full_well": Number(sensor.full_well, 0.0, "e-")})
-    full = (level - sensor.black_level) / sensor.K
+    of_the_converter = level * (2**sensor.bit_depth - 1) / (2**sensor.bits_out - 1)
+    full = (of_the_converter - sensor.black_level) / sensor.K
     log_odds = min(pixels / 10, 50.0) - 3
     return NoiseFinding(
         "saturation",

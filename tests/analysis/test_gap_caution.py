@@ -95,7 +95,7 @@ def test_the_further_off_the_less_it_is_a_tolerance() -> None:
 
 
 def test_what_is_far_beyond_every_slab_is_no_tolerance_either() -> None:
-    """Three quarters of the signal, 136 tolerances, as a pin that is a third higher: the widest slab is a tenth."""
+    """Three quarters of the signal, 136 tolerances, as a pin that is a third larger: the widest slab is a tenth."""
     tight = [_term("a", parameter=p, spike=0.75 / 136) for p in ("scale", "height")]
     evidence = Evidence(total_of(_conditions([0.75])), tight)
     assert tail(evidence, evidence.spike, evidence.best((A,), {}), A) < 1e-6

@@ -276,6 +276,20 @@ def test_a_lower_full_well_cuts_the_histogram() -> None:
     assert told.parameters["full_well"].value == pytest.approx((2400 - 64) / SHEET.K)
 
 
+def test_a_full_well_is_the_same_in_an_image_of_fewer_bits() -> None:
+    """Of a converter of 12 bits in an image of 8: cut off at 150 of 255, which are 2409 of 4095."""
+    sheet = replace(SHEET, output_bit_depth=8)
+    found, said = _rig(2, (ResponseCurve(bits_out=8),), sheet, power=1.1)
+    cut = [
+        replace(c, captures=tuple(replace(x, pixels=np.minimum(x.pixels, 150)) for x in c.captures))
+        for c in found
+    ]
+    told = saturation(cut, said)
+    assert told is not None
+    assert told.probability > 0.95
+    assert told.parameters["full_well"].value == pytest.approx((150 * 4095 / 255 - 64) / SHEET.K)
+
+
 def test_a_sensor_that_saturates_at_its_highest_value_is_what_the_sheet_says() -> None:
     found, said = _rig(3, power=3.0)
     assert max(c.mean.max() for c in found) == 4095
