@@ -9,7 +9,7 @@ from analysis.gap.attribution import Sets, called, without
 from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.fit import SLIGHT, Fit
+from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.parallel import each
 from analysis.gap.shrinkage import Images, Yardstick, yardstick
@@ -92,12 +92,7 @@ def only_called(fitted: Fit) -> Fit:
     if not kept:
         return replace(fitted, after=fitted.before)
     fewer = replace(best, causes=tuple(kept), slabs=tuple(best.slabs[best.causes.index(c)] for c in kept))
-    out = np.array([t.candidate in best.causes and t.candidate not in kept for t in fitted.terms], bool)
-    at = np.where(out, fitted.before.at, fitted.after.at)
-    theta = fitted.evidence.theta(fewer)
-    slight = np.abs(theta - at) * fitted.evidence.share < SLIGHT
-    of_kept = np.array([t.candidate in kept for t in fitted.terms], bool)
-    return replace(fitted, after=replace(fitted.after, theta=np.where(slight & ~of_kept, at, theta), at=at))
+    return replace(fitted, after=fitted.stood(fewer))
 
 
 def taken_off(by: Yardstick, before: Images, after: Images) -> float:

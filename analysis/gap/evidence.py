@@ -25,6 +25,7 @@ from analysis.gap.subpixel_terms import is_path, paths
 from analysis.gap.terms import FORM, NUISANCE, Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
+FAR = 0.3  # the same, of what stands elsewhere: edges that are off by their width change an image by as much
 SLIGHT = 0.004  # the same, of effects that have a formula: what has a number for each place would be noise with that
 TAU = 1.0
 NONE, SINGLE, PAIR, TRIPLE = 0.5, 0.35, 0.12, 0.03  # prior of a number of causes
@@ -33,6 +34,7 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
+FURTHEST = 400.0  # the same of what stands elsewhere: a lens that was written down as none at all
 
 Cause = tuple[str, str]
 Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is
@@ -79,7 +81,8 @@ class Evidence:
                 self.members[term.candidate] = np.append(self.members[term.candidate], i)
                 self.ways[term.candidate] = term.ways
                 free = term.generic or term.family is not None
-                self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS)
+                moves = term.kind in ("flow", "scene")
+                self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS, *[FAR] * moves)
         self.paths = {c: i for c, i in paths(self.terms).items() if self.seen[i].all()}
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
@@ -133,7 +136,8 @@ class Evidence:
         for cause, slab in zip(causes, slabs, strict=True):
             i = self.members[cause]
             ratio = np.clip(slab * self.part[i] / self.together[i] / self.spike[i], 2.0, None)
-            ratios.append(given.get(cause, np.where(self.relative[i], ratio, np.minimum(ratio, WIDEST))))
+            widest = FURTHEST if slab == FAR else WIDEST
+            ratios.append(given.get(cause, np.where(self.relative[i], ratio, np.minimum(ratio, widest))))
         return np.concatenate([self.members[c] for c in causes]), np.concatenate(ratios)
 
     def at(self, causes: Iterable[Cause], slabs: Sequence[float]) -> Hypothesis:

@@ -5,6 +5,7 @@ Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -34,7 +35,6 @@ from interchange.captures import Tolerances
 Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 
 STARTS = 4
-SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
 NEARLY = 0.9  # of what is hoped for: a single cause that gains so much is followed first, and is all if it stays alone
 UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
@@ -57,6 +57,7 @@ class Fit:
     declared: np.ndarray  # (q,): standard deviation of every term as tolerances declare it
     left_out: np.ndarray  # (n, q): theta without one condition after the other, no row where few tell
     cautions: dict[Cause, Caution]  # of the causes
+    stood: Callable[[Hypothesis], Model]  # another hypothesis, where it stands
     left_over: tuple[float, float] = (
         0.0,
         0.0,
@@ -112,7 +113,7 @@ def fit(
         search = search.elsewhere(redraw(conditions, far))
         there = search.stand(chosen.at, {}, "evidence", {})
         chosen = search.gone_on(there, "fit anew")
-    return replace(_fit(search, chosen, knots), redrawn=far, factors=search.widths.factors)
+    return replace(_fit(search, chosen), redrawn=far, factors=search.widths.factors)
 
 
 def _gain(stand: Stand) -> float:
@@ -171,22 +172,20 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     return stands or astray
 
 
-def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
+def _fit(search: Search, stand: Stand) -> Fit:
     """Causes as the evidence weighs them, forms in doubt; numbers as the formulas alone give them."""
     terms, q = search.terms, search.q
     parts = tuple(p.of(np.arange(q)) for p in stand.parts)
     evidence = Evidence(total_of(parts), terms, spikes=stand.evidence.spike[:q])
     best = stand.best
-    theta = evidence.theta(best)
+    after = before = search.numbers(stand, best)
+    theta = after.theta
     cause = np.zeros(q, bool)
     for c in best.causes:
         cause[evidence.members[c]] = True
-    slight = ~cause & (np.abs(theta - stand.at) * evidence.share < SLIGHT)
-    theta = np.where(slight, stand.at, theta)
-    after = before = Model(tuple(terms), theta, stand.at, knots)
     if best.causes:
-        still = np.where([t.kind == "flow" for t in terms] & ~cause, stand.at, 0.0)
-        before = Model(tuple(terms), np.where(cause, 0.0, theta), still, knots)
+        still = np.where([t.kind == "flow" for t in terms] & ~cause, after.at, 0.0)
+        before = replace(after, theta=np.where(cause, 0.0, theta), at=still)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
     left_out = thetas_without(evidence, best, parts)
@@ -207,6 +206,7 @@ def _fit(search: Search, stand: Stand, knots: Knots | None) -> Fit:
         declared[:q],
         left_out,
         careful,
+        partial(search.numbers, stand),
         left_over(stand.evidence, best),
     )
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from analysis.gap import lens_flow
 from analysis.gap.camera_terms import of_all, of_one, several
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
@@ -145,27 +146,16 @@ def _lens(condition: Condition, px: float) -> list[Term]:
     K, corner = condition.camera.K, _farthest(condition)
 
     def flow(number: int) -> Flow:
-        def moved(s: State) -> tuple[np.ndarray, np.ndarray]:
-            K = s.camera.K
-            x, y = (s.grid[0] - K[0, 2]) / K[0, 0], (s.grid[1] - K[1, 2]) / K[1, 1]
-            r2 = x * x + y * y
-            dx, dy = (
-                (x * r2, y * r2),
-                (x * r2 * r2, y * r2 * r2),
-                (2 * x * y, r2 + 2 * y * y),
-                (r2 + 2 * x * x, 2 * x * y),
-            )[number]
-            return K[0, 0] * dx, K[1, 1] * dy
+        return lambda s: lens_flow.unit_flow(s, number)
 
-        return moved
-
+    cause = lens_flow.CAUSE if lens_flow.has_numbers(condition.camera) else NUISANCE
     order, part = (3, 5, 2, 2), (1.0, 1.0, DECENTRED, DECENTRED)
     return [
         replace(
-            moving("lens_distortion", "", name, "1", px / (K[0, 0] * corner ** order[i]), flow(i)),
+            moving(cause, "", name, "1", px / (K[0, 0] * corner ** order[i]), flow(i)),
             part=part[i],
         )
-        for i, name in enumerate(("k1", "k2", "p1", "p2"))
+        for i, name in enumerate(lens_flow.NUMBERS)
     ]
 
 

@@ -7,6 +7,7 @@ from threading import Lock
 
 import numpy as np
 
+from analysis.gap import lens_flow
 from analysis.gap.chain_terms import effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.knots import Knots
@@ -90,11 +91,15 @@ class Model:
 
     def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
         total = np.zeros((*state.condition.mean.shape[:2], 2), np.float32)
+        lens = dict.fromkeys(lens_flow.NUMBERS, 0.0)
         for term, x in moving:
+            if term.cause == lens_flow.CAUSE:
+                lens[term.parameter] += x if term.shown(state) else 0.0
+                continue
             unit = _unit_flow(state, term)
             if unit is not None:
                 total += np.float32(x) * unit
-        return total
+        return total + lens_flow.flow(state.camera, tuple(lens.values())) if any(lens.values()) else total
 
     def simulated(self, condition: Condition) -> np.ndarray:
         """(H, W, C): expected DN of a condition with every correction; the same array whenever it is asked for."""

@@ -11,7 +11,7 @@ Reflected light is drawn on the sensor's own grid (analysis.gap.reflected).
 import hashlib
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -119,6 +119,11 @@ def fingerprint(thing: Any) -> str:
     return sha.hexdigest()
 
 
+def _is_default(f: Field[Any], value: Any) -> bool:
+    """What is as a new one would have it says nothing: a field that is added makes no rendering anew."""
+    return type(value) is type(f.default) and not isinstance(value, np.ndarray) and bool(value == f.default)
+
+
 def _feed(sha: Any, thing: Any) -> None:
     if isinstance(thing, Where):
         return
@@ -128,7 +133,7 @@ def _feed(sha: Any, thing: Any) -> None:
     elif is_dataclass(thing):
         sha.update(type(thing).__name__.encode())
         for f in fields(thing):
-            if f.name not in ("source", "digest", "file"):
+            if f.name not in ("source", "digest", "file") and not _is_default(f, getattr(thing, f.name)):
                 sha.update(f.name.encode())
                 _feed(sha, getattr(thing, f.name))
     elif isinstance(thing, dict):

@@ -27,7 +27,7 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
-REGISTRATIONS, REFINEMENTS = 2, 4
+REGISTRATIONS, REFINEMENTS, POLISHED = 2, 4, 2
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
@@ -35,6 +35,7 @@ PLACES = 10  # to a step where the scene may stand, so that renderings are found
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
+SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 
 
@@ -261,6 +262,27 @@ class Search:
             if not self._moved(members, theta, before, spike):
                 break
         return theta, here, best
+
+    def numbers(self, stand: Stand, h: Hypothesis) -> Model:
+        """A hypothesis of a stand as the formulas alone give it, linearised where it is: the doubt of formulas weighs
+        down the pixels that a cause changes most. Of calibration's errors those that are slight are not drawn."""
+        members = {c: stand.evidence.members[c] for c in h.causes}
+        cause = np.isin(np.arange(self.q), [i for index in members.values() for i in index])
+        theta, at, kept = stand.evidence.theta(h)[: self.q], stand.at, stand.kept
+        gone = {c for c in stand.best.causes if c not in members}
+        at = np.where([t.candidate in gone for t in self.terms], 0.0, at)
+        anew = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
+        for _ in range(POLISHED):
+            _, at, _ = self.refined(h.causes, members, theta, at, kept)
+            parts, kept = self._linearised(self.model(at, at), self.terms, at, kept, anew)
+            there = Evidence(total_of(parts), self.terms, spikes=stand.evidence.spike[: self.q])
+            if not set(h.causes) <= set(there.members):
+                raise BrightfieldError(f"{h.causes} cannot be seen where they were found to be.")
+            theta = there.theta(there.best(h.causes, dict(zip(h.causes, h.slabs, strict=True))))
+            if not self._moved(members, self.start(members, theta), at, there.spike):
+                break
+        slight = ~cause & (np.abs(theta - at) * there.share < SLIGHT)
+        return self.model(np.where(slight, at, theta), at)
 
     def _moved(
         self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray

@@ -38,6 +38,7 @@ def _fit(p_a: float, p_b: float) -> Fit:
         none,
         none[None][:0],
         {},
+        lambda h: Model(terms, evidence.theta(h), none),
     )
 
 

@@ -162,8 +162,9 @@ def _fit(probability: float, tail: float, most: float, something: float = 1.0, a
     evidence = Evidence(total_of(_conditions([amount])), terms)
     careful = {LAMP: Caution(tail, 0.31, most, something)}
     return Fit(
-        model, model, tuple(h), {LAMP: probability}, (), evidence, evidence, (), no, no, no[None][:0], careful
-    )
+        model, model, tuple(h), {LAMP: probability}, (), evidence, evidence, (), no, no, no[None][:0], careful,
+        lambda h: model,
+    )  # fmt: skip
 
 
 def test_a_larger_tolerance_is_no_effect_and_nothing_unknown() -> None:

@@ -67,6 +67,7 @@ def standing(first: Standing, second: Standing, *causes: tuple[str, str]) -> Fit
         none,
         np.zeros((0, 0)),
         {},
+        lambda h: second,
     )
 
 

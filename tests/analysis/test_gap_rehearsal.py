@@ -81,6 +81,7 @@ def fitted(found: list[Condition]) -> Fit:
         zero,
         zero[None][:0],
         {},
+        lambda h: model,
     )
 
 
