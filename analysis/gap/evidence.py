@@ -232,6 +232,15 @@ class Evidence:
             variance -= np.einsum("ij,jk,ik->i", self.C[:, wide], inner, self.C[:, wide])
         return np.asarray(self.spike * np.sqrt(np.maximum(variance, 0)))
 
+    def given(self, h: Hypothesis, i: int) -> np.ndarray:
+        """(q,): by how much the posterior mean of every term goes along where term ``i`` is known to be 1 more."""
+        column = self.C[:, i].copy()
+        if h.causes:
+            wide, ratio = self._wide(h.causes, h.slabs)
+            inner = np.diag(1 / (ratio**-2 - 1.0)) + self.C[np.ix_(wide, wide)]
+            column -= self.C[:, wide] @ np.linalg.solve(inner, self.C[wide, i])
+        return np.asarray(self.spike * column / (self.spike[i] * column[i]))
+
     def best(self, causes: Iterable[Cause], wide: dict[Cause, float]) -> Hypothesis:
         """Over the slabs of the causes that ``wide`` does not fix."""
         causes = tuple(sorted(causes))

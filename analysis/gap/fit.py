@@ -24,6 +24,7 @@ from analysis.gap.lines import left_of_lines
 from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
+from analysis.gap.numbers import numbers
 from analysis.gap.radiance import Changes
 from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
@@ -178,7 +179,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
     parts = tuple(p.of(np.arange(q)) for p in stand.parts)
     evidence = Evidence(total_of(parts), terms, spikes=stand.evidence.spike[:q])
     best = stand.best
-    after = before = search.numbers(stand, best)
+    after = before = numbers(search, stand, best)
     theta = after.theta
     cause = np.zeros(q, bool)
     for c in best.causes:
@@ -206,7 +207,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
         declared[:q],
         left_out,
         careful,
-        partial(search.numbers, stand),
+        partial(numbers, search, stand),
         left_over(stand.evidence, best),
     )
 

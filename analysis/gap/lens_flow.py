@@ -16,6 +16,7 @@ from interchange.effects.lens_distortion import LensDistortion
 
 CAUSE = LensDistortion.name()
 NUMBERS = ("k1", "k2", "p1", "p2")
+LEAST_SLOPE = 0.05  # of image height by field angle: a lens that is flatter hardly images anything there
 
 
 def has_numbers(camera: Camera) -> bool:
@@ -40,11 +41,36 @@ def unit_flow(state: State, number: int) -> tuple[np.ndarray, np.ndarray]:
     return K[0, 0] * dx, K[1, 1] * dy
 
 
+def changed(camera: Camera, more: Sequence[float]) -> Camera:
+    """The camera with ``more`` of ``NUMBERS``."""
+    own = LensDistortion.of(camera)
+    return replace(own, **{n: getattr(own, n) + x for n, x in zip(NUMBERS, more, strict=True)}).on(camera)
+
+
+def folds(camera: Camera, more: Sequence[float]) -> bool:
+    """Whether a lens with ``more`` of ``NUMBERS`` would turn back before it has reached the corners of the image, which
+    no lens that is focused on a sensor does."""
+    K, sizes = camera.K, camera.sensor.resolution
+    corners = [
+        ((x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1])
+        for x in (-0.5, sizes[0] - 0.5)
+        for y in (-0.5, sizes[1] - 0.5)
+    ]
+    lens, r = changed(camera, more).lens, np.linspace(0, 4, 801)
+    for x, y in corners:
+        far = float(np.hypot(x, y))
+        height = np.hypot(*lens.distort(r * x / far, r * y / far))
+        slope = np.gradient(height, r) * (1 + r * r)
+        end = int(np.argmax(slope < LEAST_SLOPE)) if (slope < LEAST_SLOPE).any() else len(r)
+        if height[:end].max(initial=0.0) < far:
+            return True
+    return False
+
+
 def flow(camera: Camera, more: Sequence[float]) -> np.ndarray:
     """(H, W, 2) px that the image which ``camera`` would render moves by where its lens has ``more`` of ``NUMBERS``; 0
     where that lens images nothing."""
-    own = LensDistortion.of(camera)
-    there = replace(own, **{n: getattr(own, n) + x for n, x in zip(NUMBERS, more, strict=True)}).on(camera)
+    there = changed(camera, more)
     K, (width, height) = camera.K, camera.sensor.resolution
     column, row = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     x, y = there.lens.undistort((column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1])

@@ -91,15 +91,20 @@ class Model:
 
     def _flow(self, state: State, moving: Sequence[tuple[Term, float]]) -> np.ndarray:
         total = np.zeros((*state.condition.mean.shape[:2], 2), np.float32)
-        lens = dict.fromkeys(lens_flow.NUMBERS, 0.0)
         for term, x in moving:
-            if term.cause == lens_flow.CAUSE:
-                lens[term.parameter] += x if term.shown(state) else 0.0
-                continue
-            unit = _unit_flow(state, term)
+            unit = None if term.cause == lens_flow.CAUSE else _unit_flow(state, term)
             if unit is not None:
                 total += np.float32(x) * unit
-        return total + lens_flow.flow(state.camera, tuple(lens.values())) if any(lens.values()) else total
+        lens = self.lens(state.condition)
+        return total + lens_flow.flow(state.camera, lens) if any(lens) else total
+
+    def lens(self, condition: Condition) -> tuple[float, ...]:
+        """What a condition's lens has more of ``lens_flow.NUMBERS``, where the model stands."""
+        more = dict.fromkeys(lens_flow.NUMBERS, 0.0)
+        for term, x in zip(self.terms, self.at, strict=True):
+            if term.cause == lens_flow.CAUSE and term.camera in ("", condition.camera.name):
+                more[term.parameter] += float(x)
+        return tuple(more.values())
 
     def simulated(self, condition: Condition) -> np.ndarray:
         """(H, W, C): expected DN of a condition with every correction; the same array whenever it is asked for."""

@@ -27,7 +27,7 @@ from interchange.problems import BrightfieldError
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
-REGISTRATIONS, REFINEMENTS, POLISHED = 2, 4, 2
+REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
@@ -35,7 +35,6 @@ PLACES = 10  # to a step where the scene may stand, so that renderings are found
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
-SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 
 
@@ -116,7 +115,7 @@ class Search:
         ]
         terms = [self.terms[i] for i in own]
         for k in range(REGISTRATIONS):
-            parts, _ = self._linearised(self.model(at, at), terms, at[own])
+            parts, _ = self.linearised(self.model(at, at), terms, at[own])
             if not parts:
                 break
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
@@ -127,7 +126,7 @@ class Search:
             self.told("registration", (k + 1) / REGISTRATIONS)
         return at
 
-    def _linearised(
+    def linearised(
         self,
         model: Model,
         terms: Sequence[Term],
@@ -216,7 +215,7 @@ class Search:
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]
             at = self.start_of(best, stand)
-            settled = not self._moved(members, at, stand.at, stand.evidence.spike)
+            settled = not self.moved(members, at, stand.at, stand.evidence.spike)
             if best.causes == before.causes and settled:
                 break
             if any(k.best.causes == best.causes and k.best.score > stand.best.score for k in known):
@@ -246,7 +245,7 @@ class Search:
         best, step, aim = -np.inf, 1.0, at
         here, spike = at, np.zeros(self.q)
         for _ in range(REFINEMENTS):
-            parts, near = self._linearised(self.model(at, at), terms, at[own], near, redrawn)
+            parts, near = self.linearised(self.model(at, at), terms, at[own], near, redrawn)
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
             if found is None or found.score < best:  # too far: half the way from where it was better
@@ -259,32 +258,11 @@ class Search:
             before, theta = theta, np.zeros(self.q)
             theta[own], spike[own] = there.theta(found), there.spike
             at = aim = self.start(members, theta)
-            if not self._moved(members, theta, before, spike):
+            if not self.moved(members, theta, before, spike):
                 break
         return theta, here, best
 
-    def numbers(self, stand: Stand, h: Hypothesis) -> Model:
-        """A hypothesis of a stand as the formulas alone give it, linearised where it is: the doubt of formulas weighs
-        down the pixels that a cause changes most. Of calibration's errors those that are slight are not drawn."""
-        members = {c: stand.evidence.members[c] for c in h.causes}
-        cause = np.isin(np.arange(self.q), [i for index in members.values() for i in index])
-        theta, at, kept = stand.evidence.theta(h)[: self.q], stand.at, stand.kept
-        gone = {c for c in stand.best.causes if c not in members}
-        at = np.where([t.candidate in gone for t in self.terms], 0.0, at)
-        anew = {i for index in members.values() for i in index if self.terms[i].kind in FOLLOWED}
-        for _ in range(POLISHED):
-            _, at, _ = self.refined(h.causes, members, theta, at, kept)
-            parts, kept = self._linearised(self.model(at, at), self.terms, at, kept, anew)
-            there = Evidence(total_of(parts), self.terms, spikes=stand.evidence.spike[: self.q])
-            if not set(h.causes) <= set(there.members):
-                raise BrightfieldError(f"{h.causes} cannot be seen where they were found to be.")
-            theta = there.theta(there.best(h.causes, dict(zip(h.causes, h.slabs, strict=True))))
-            if not self._moved(members, self.start(members, theta), at, there.spike):
-                break
-        slight = ~cause & (np.abs(theta - at) * there.share < SLIGHT)
-        return self.model(np.where(slight, at, theta), at)
-
-    def _moved(
+    def moved(
         self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray
     ) -> bool:
         """Whether a number of the causes is no longer what it was."""

@@ -62,3 +62,14 @@ def test_what_is_called_is_fitted_without_the_rest() -> None:
 def test_nothing_called_is_the_file_at_its_best() -> None:
     fitted = _fit(0.3, 0.3)
     assert only_called(fitted).after is fitted.before
+
+
+@pytest.mark.parametrize("causes", [(), (A,), (A, B)])
+def test_where_one_number_is_known_the_others_go_along(causes: tuple[tuple[str, str], ...]) -> None:
+    """Covariance over variance, of (G + P)^-1 with P the hypothesis's own widths."""
+    evidence = _fit(0.9, 0.9).evidence
+    h = evidence.best(causes, dict.fromkeys(causes, 0.1))
+    wide = [max(0.1 / evidence.together[k], 2 * 0.001) for k in range(2)]
+    sd = [min(wide[k], 40 * 0.001) if c in causes else 0.001 for k, c in enumerate((A, B))]
+    covariance = np.linalg.inv(evidence.e.G + np.diag(1 / np.square(sd)))
+    assert evidence.given(h, 1) == pytest.approx(covariance[:, 1] / covariance[1, 1], rel=1e-6)

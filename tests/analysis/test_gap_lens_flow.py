@@ -71,3 +71,11 @@ def test_a_fisheye_has_no_numbers_of_browns() -> None:
     camera = _camera()
     assert lens_flow.has_numbers(camera)
     assert not lens_flow.has_numbers(replace(camera, lens=Lens(4e-3, model=LensModel.FISHEYE)))
+
+
+@pytest.mark.parametrize(("k2", "folded"), [(-0.0225, True), (0.0335, False), (0.1004, False)])
+def test_a_lens_folds_where_its_image_height_turns_back(k2: float, folded: bool) -> None:
+    """h = r (1 + k1 r² + k2 r⁴) of the chessboard's lens at full size: its corners lie at h = 0.75, which with
+    k2 = -0.0225 is more than the 0.716 that it reaches."""
+    camera = Camera("C", np.eye(4), Lens(5.36e-3), Sensor((640, 480), (1e-5, 1e-5)))
+    assert lens_flow.folds(camera, (-0.2636, k2, 0.0, 0.0)) is folded

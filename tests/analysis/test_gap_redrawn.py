@@ -1,14 +1,14 @@
 """What is rendered anew in part is what a whole rendering of the changed scene shows; bench of 128 x 96 px."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, make_dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition
-from analysis.gap.radiance import Changes, Paths, render_all
+from analysis.gap.radiance import Changes, Paths, fingerprint, render_all
 from analysis.gap.redrawn import redrawn
 from interchange.camera import Camera
 from interchange.effects.light_position import LightPosition
@@ -87,3 +87,12 @@ def test_without_a_finer_grid_all_of_it_is(small_bench, traced, tmp_path: Path) 
     scene = standing[0][0].on_scene(c.scene, PIN)
     whole = render_all([(scene, c.camera)], traced, plain, tmp_path / "cache")[0]
     assert all(np.array_equal(part.lamps[n], whole.lamps[n]) for n in whole.lamps)
+
+
+def test_a_field_that_is_added_makes_no_rendering_anew() -> None:
+    """As long as it is what a new one has it says nothing; arrays and all else are told."""
+    old = make_dataclass("Part", [("size", float)])
+    new = make_dataclass("Part", [("size", float), ("kind", str, field(default="plain"))])
+    assert fingerprint(new(2.0)) == fingerprint(old(2.0))
+    assert fingerprint(new(2.0, "odd")) != fingerprint(old(2.0))
+    assert fingerprint(new(3.0)) != fingerprint(old(2.0))

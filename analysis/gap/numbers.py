@@ -1,0 +1,69 @@
+"""What a hypothesis comes to in numbers, where it stands.
+
+The evidence doubts the causes' formulas, and weighs down what they change most; numbers are as the formulas alone give
+them.
+"""
+
+import numpy as np
+
+from analysis.gap import lens_flow
+from analysis.gap.evidence import Cause, Evidence, Hypothesis
+from analysis.gap.model import Model
+from analysis.gap.normal_equations import total_of
+from analysis.gap.search import FOLLOWED, Search, Stand
+from interchange.problems import BrightfieldError
+
+ROUNDS = 2
+SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
+MOST_BENT, STEPS = 4.0, 41  # standard deviations of k2 that a lens which folds may be off by, and tries
+
+
+def numbers(search: Search, stand: Stand, h: Hypothesis) -> Model:
+    """A hypothesis of a stand, followed and linearised where it is. Of calibration's errors those that are slight are
+    not drawn."""
+    q = search.q
+    members = {c: stand.evidence.members[c] for c in h.causes}
+    cause = np.isin(np.arange(q), [i for index in members.values() for i in index])
+    theta, kept = stand.evidence.theta(h)[:q], stand.kept
+    gone = {c for c in stand.best.causes if c not in members}
+    at = np.where([t.candidate in gone for t in search.terms], 0.0, stand.at)
+    anew = {i for index in members.values() for i in index if search.terms[i].kind in FOLLOWED}
+    folded = False
+    for _ in range(ROUNDS):
+        if not folded:
+            _, at, _ = search.refined(h.causes, members, theta, at, kept)
+        parts, kept = search.linearised(search.model(at, at), search.terms, at, kept, anew)
+        there = Evidence(total_of(parts), search.terms, spikes=stand.evidence.spike[:q])
+        if not set(h.causes) <= set(there.members):
+            raise BrightfieldError(f"{h.causes} cannot be seen where they were found to be.")
+        found = there.best(h.causes, dict(zip(h.causes, h.slabs, strict=True)))
+        theta, folded = _unfolded(search, there, found, members)
+        if not search.moved(members, search.start(members, theta), at, there.spike):
+            break
+        if folded:
+            at = search.start(members, theta)
+    slight = ~cause & (np.abs(theta - at) * there.share < SLIGHT)
+    return search.model(np.where(slight, at, theta), at)
+
+
+def _unfolded(
+    search: Search, there: Evidence, h: Hypothesis, members: dict[Cause, np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    """θ (q,) of a hypothesis, and whether a lens of its mean folds within the image: then it is the mean where k2 is as
+    large as it must be for that. What was compared need not reach the corners, the lens does."""
+    theta, folded = there.theta(h), False
+    for cause in members:
+        lens = {search.terms[i].parameter: int(i) for i in members[cause] if cause[0] == lens_flow.CAUSE}
+        if "k2" not in lens:
+            continue
+        along = there.given(h, lens["k2"])
+        ways = np.linspace(0, MOST_BENT, STEPS) * there.sigma(h)[lens["k2"]]
+        more = next((x for x in ways if not _folds(search, theta + x * along)), 0.0)
+        theta, folded = theta + more * along, folded or more > 0
+    return theta, folded
+
+
+def _folds(search: Search, theta: np.ndarray) -> bool:
+    model = search.model(theta, theta)
+    cameras = {c.camera.name: c for c in search.conditions if lens_flow.has_numbers(c.camera)}
+    return any(lens_flow.folds(c.camera, model.lens(c)) for c in cameras.values())
