@@ -13,8 +13,9 @@ from analysis.gap.normal_equations import total_of
 from analysis.gap.search import FOLLOWED, Search, Stand
 from interchange.problems import BrightfieldError
 
-ROUNDS = 2
+ROUNDS = 3
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
+STRAIGHT = 0.003  # rms over the signal that a number may change the image by from where it was linearised
 MOST_BENT, STEPS = 4.0, 41  # standard deviations of k2 that a lens which folds may be off by, and tries
 
 
@@ -23,27 +24,31 @@ def numbers(search: Search, stand: Stand, h: Hypothesis) -> Model:
     not drawn."""
     q = search.q
     members = {c: stand.evidence.members[c] for c in h.causes}
+    if not h.causes and not stand.evidence.in_force:  # no formula is in doubt there
+        return search.model(_drawn(stand.evidence.theta(h), stand.at, stand.evidence.share), stand.at)
     cause = np.isin(np.arange(q), [i for index in members.values() for i in index])
     theta, kept = stand.evidence.theta(h)[:q], stand.kept
     gone = {c for c in stand.best.causes if c not in members}
     at = np.where([t.candidate in gone for t in search.terms], 0.0, stand.at)
-    anew = {i for index in members.values() for i in index if search.terms[i].kind in FOLLOWED}
-    folded = False
-    for _ in range(ROUNDS):
-        if not folded:
-            _, at, _ = search.refined(h.causes, members, theta, at, kept)
+    anew: set[int] = set()  # where the stand is nothing has to be drawn anew
+    for left in reversed(range(ROUNDS)):
         parts, kept = search.linearised(search.model(at, at), search.terms, at, kept, anew)
         there = Evidence(total_of(parts), search.terms, spikes=stand.evidence.spike[:q])
         if not set(h.causes) <= set(there.members):
             raise BrightfieldError(f"{h.causes} cannot be seen where they were found to be.")
         found = there.best(h.causes, dict(zip(h.causes, h.slabs, strict=True)))
         theta, folded = _unfolded(search, there, found, members)
-        if not search.moved(members, search.start(members, theta), at, there.spike):
+        aim = search.start(members, theta)
+        if not left or (np.abs(aim - at) * there.share)[cause].max(initial=0.0) < STRAIGHT:
             break
-        if folded:
-            at = search.start(members, theta)
-    slight = ~cause & (np.abs(theta - at) * there.share < SLIGHT)
-    return search.model(np.where(slight, at, theta), at)
+        at = aim if folded else search.refined(h.causes, members, theta, at, kept)[1]
+        anew = {i for index in members.values() for i in index if search.terms[i].kind in FOLLOWED}
+    return search.model(np.where(cause, theta, _drawn(theta, at, there.share)), at)
+
+
+def _drawn(theta: np.ndarray, at: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """θ (q,) of which what is slight stays where it stands."""
+    return np.where(np.abs(theta - at) * share < SLIGHT, at, theta)
 
 
 def _unfolded(
