@@ -10,9 +10,12 @@ from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
+from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.normal_equations import stride_for
 from analysis.gap.parallel import each
 from analysis.gap.shrinkage import Images, Yardstick, yardstick
+from analysis.gap.terms import added
 
 KEPT = 0.25  # of what an effect claims on held-out captures: with less, its slope there is under 0.63
 SEEN = 16.0  # sigma²: of less noise hides half
@@ -61,6 +64,27 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
             refuted=(*fitted.refuted, worst),
             left_over=left_over(fitted.weighed, fewer),
         )
+
+
+def no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
+    """With the file as written as ``before`` where that fits better (the pixels that were fitted to) than what the
+    effects leave of calibration's errors: those go with the effects."""
+    if not fitted.best.causes:
+        return fitted
+
+    stride, model = stride_for(fitted_to), fitted.before
+
+    def left(c: Condition) -> list[float]:
+        state, written = model.state(c, stride), c.simulated()
+        ok, variance, mean = (state.take(x) for x in (c.usable(written), written.variance, c.mean))
+        before = state.take(state.simulation.dn) + added(state, model.terms, model.theta - model.at)
+        return [float(((mean - dn)[ok] ** 2 / variance[ok]).sum()) for dn in (state.take(written.dn), before)]
+
+    as_written, before = np.sum(each(left, fitted_to), axis=0)
+    if before <= as_written:
+        return fitted
+    zero = np.zeros(len(fitted.terms))
+    return replace(fitted, before=Model(fitted.terms, zero, zero, fitted.before.knots))
 
 
 def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:

@@ -20,7 +20,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.calling import borne_out, confirmed
+from analysis.gap.calling import borne_out, confirmed, no_worse
 from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
@@ -144,7 +144,7 @@ def diagnose(
         fitted = fit([c for c in some if not c.held_out], captures.tolerances, told, knots, redraw)
         there = redraw(some, fitted.redrawn) if fitted.redrawn else list(some)
         told("verdict", 0.0)
-        fitted = _no_worse([c for c in there if not c.held_out], fitted)
+        fitted = no_worse([c for c in there if not c.held_out], fitted)
         held = [c for c in there if c.held_out]
         fitted = confirmed(fitted, held, yardstick(held, each(fitted.after.simulated, held), scale))
         told("noise", 0.0)
@@ -254,25 +254,6 @@ def _noise(fitted: Fit, whole: Sequence[Condition], corrected: Sequence[np.ndarr
                 black[name] = black.get(name, 0.0) + float(x)
     found = noise_findings(with_black_level(whole, black), corrected, black)
     return [beside_unknown(n, fitted, whole[0].camera.sensor) for n in found]
-
-
-def _no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
-    """With the file as written as ``before`` where that fits better than what the effects leave of calibration's
-    errors: those go with the effects."""
-    if not fitted.best.causes:
-        return fitted
-
-    def left(c: Condition) -> list[float]:
-        model = c.simulated()
-        ok, variance = c.usable(model), model.variance
-        both = (model.dn, fitted.before.simulated(c))
-        return [float(((c.mean - dn)[ok] ** 2 / variance[ok]).sum()) for dn in both]
-
-    as_written, before = np.sum(each(left, fitted_to), axis=0)
-    if before <= as_written:
-        return fitted
-    zero = np.zeros(len(fitted.terms))
-    return replace(fitted, before=Model(fitted.terms, zero, zero, fitted.before.knots))
 
 
 def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edges | None:

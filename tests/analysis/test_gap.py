@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.attribution import Sets, without
-from analysis.gap.calling import confirmed
+from analysis.gap.calling import confirmed, no_worse
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import record
 from analysis.gap.expected import mean_dn, noise_variance
@@ -140,6 +140,18 @@ def test_without_the_effects_calibrations_errors_are_left(vignetting: Diagnosed)
         left = without(written, fitted.best.causes).simulated(c)
         assert left == pytest.approx(fitted.before.simulated(c), abs=1e-3)
         assert np.abs(left - c.simulated().dn).max() > 0.1
+
+
+def test_what_is_before_is_the_file_as_written_where_that_fits_better(vignetting: Diagnosed) -> None:
+    """A black level 30 DN off fits worse: then nothing of calibration's errors is told without the effects."""
+    fit, fitted_to = vignetting.fit, [c for c in vignetting.conditions if not c.held_out]
+    assert no_worse(fitted_to, fit) is fit
+    level = [t.key == ("black_level", "", "black_level") for t in fit.terms]
+    assert sum(level) == 1
+    off = replace(fit, before=replace(fit.before, theta=fit.before.theta + np.where(level, 30.0, 0.0)))
+    nothing = no_worse(fitted_to, off)
+    assert not nothing.before.theta.any()
+    assert nothing.after is fit.after
 
 
 def test_the_corrected_scene_has_the_effect(rig: Rig, vignetting: Diagnosed) -> None:
