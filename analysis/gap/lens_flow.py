@@ -1,7 +1,7 @@
 """Where a lens that distorts otherwise than the scene says images what was rendered: exact, however far.
 
 Brown's model moves a point by where it lies before the lens. To look its displacement up where the point lies after it
-is the same for a part of a pixel alone: of k1 = -0.3 it makes k2 = -3 k1² - k2, which is -0.17 where there is +0.1.
+is the same for a part of a pixel alone: of k2 it makes k2 - 3 k1², with k1 = -0.3 that is -0.17 where there is +0.1.
 """
 
 from collections.abc import Sequence

@@ -91,7 +91,8 @@ class Term:
         return state.camera.t_exp / self.t_exp if self.t_exp else 1.0
 
     def value(self, theta: float) -> float:
-        """The parameter at ``theta`` of the term."""
+        """The parameter at ``theta`` of the term, no less than it may be."""
+        theta = max(theta, self.low)
         return self.start + (max(theta, 0.0) ** (1 / self.power) if self.power > 1 else theta)
 
 
