@@ -52,6 +52,7 @@ from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.scales import UNDECLARED
+from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, gap, yardstick
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
@@ -181,7 +182,8 @@ def diagnose(
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
-    unknown = what_is_unknown(fitted)
+    left_at = shape_left(all_of_them, corrected) if fitted.left_over[1] >= PRESENT else ""
+    unknown = what_is_unknown(fitted, left_at)
     rehearsal = None
     if rehearsals:
         written = [c for c in whole if not c.held_out]

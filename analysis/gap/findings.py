@@ -113,8 +113,9 @@ def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFind
     return replace(noise, probability=noise.probability * own / (own + unknown)) if unknown else noise
 
 
-def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
-    """Generic families that the evidence asks for, described by where their largest part lies."""
+def what_is_unknown(fitted: Fit, shape: str = "in no shape known") -> tuple[tuple[str, float], ...]:
+    """Generic families that the evidence asks for, described by where their largest part lies; ``shape``: where what is
+    left without a cause does."""
     out = []
     for cause in fitted.best.causes:
         p = fitted.probability.get(cause, 0.0)
@@ -131,7 +132,7 @@ def what_is_unknown(fitted: Fit) -> tuple[tuple[str, float], ...]:
     if probable >= PRESENT and not out:
         out.append(
             (
-                f"{100 * more:.0f} % more χ² is left than noise and the renderer leave, in no shape known",
+                f"{100 * more:.0f} % more χ² is left than noise and the renderer leave, {shape}",
                 probable,
             )
         )
