@@ -11,10 +11,8 @@ from analysis.gap.ledger import LEVELS, bands
 from analysis.gap.regions import lamp_shares, light_regions, zones
 from analysis.gap.state import State
 
-MOST, TIMES = (
-    0.5,
-    3.0,
-)  # of what is left, and those odds over the odds of its pixels, from which a part is told
+MOST = 0.5  # of what is left, from which a part is told
+MORE, TIMES = 1.25, 3.0  # times its share of the pixels, and the odds of that, from which it is
 SURE = 0.999  # of which odds can be told
 TOLD = 3
 LIGHT = {
@@ -29,7 +27,7 @@ LIGHT = {
 
 def shape_left(conditions: Sequence[Condition], simulated: Sequence[np.ndarray]) -> str:
     """Of (mean of captures - ``simulated``)² / σ² - 1, (H, W, C) DN each: each kind's part with most of it, told if
-    that is half of it or more and its odds are three times those of its pixels."""
+    that is half of it or more, and clearly more than its share of the pixels."""
     left: defaultdict[tuple[str, str], float] = defaultdict(float)
     size: defaultdict[tuple[str, str], float] = defaultdict(float)
     for condition, dn in zip(conditions, simulated, strict=True):
@@ -53,7 +51,7 @@ def shape_left(conditions: Sequence[Condition], simulated: Sequence[np.ndarray])
         share = min(most / max(whole, 1e-30), SURE)
         of = min(size[kind, words] / max(pixels, 1e-30), SURE)
         odds = share / (1 - share) * (1 - of) / max(of, 1e-30)
-        if whole > 0 and share >= MOST and odds >= TIMES and len(own) > 1:
+        if whole > 0 and share >= max(MOST, MORE * of) and odds >= TIMES:
             of_it = "" if kind == "frequency" else f" ({100 * of:.0f} % of the pixels)"
             found.append((odds, f"{100 * share:.0f} % of it {words}{of_it}"))
     found.sort(key=lambda x: -x[0])
