@@ -52,10 +52,10 @@ def shape_left(conditions: Sequence[Condition], simulated: Sequence[np.ndarray])
         of = min(size[kind, words] / max(pixels, 1e-30), SURE)
         odds = share / (1 - share) * (1 - of) / max(of, 1e-30)
         if whole > 0 and share >= max(MOST, MORE * of) and odds >= TIMES:
-            of_it = "" if kind == "frequency" else f" ({100 * of:.0f} % of the pixels)"
+            of_it = "" if kind == "frequency" else f", {100 * of:.0f} % of the pixels"
             found.append((odds, f"{100 * share:.0f} % of it {words}{of_it}"))
     found.sort(key=lambda x: -x[0])
-    return ", ".join(words for _, words in found[:TOLD]) or "spread evenly over all that was looked at"
+    return "; ".join(words for _, words in found[:TOLD]) or "spread evenly over all that was looked at"
 
 
 def _detail(level: int) -> str:

@@ -38,7 +38,7 @@ def test_what_is_on_one_material_is_told_by_it(shown: tuple[list[Condition], lis
         for c, dn in zip(whole, expected, strict=True)
     ]
     said = shape_left(whole, off)
-    assert f"100 % of it on {names[chosen].rsplit('/', 1)[-1]} (" in said
+    assert f"100 % of it on {names[chosen].rsplit('/', 1)[-1]}, " in said
 
 
 def test_what_is_at_edges_of_one_cameras_images_is_told_so(
@@ -50,7 +50,7 @@ def test_what_is_at_edges_of_one_cameras_images_is_told_so(
         for c, dn in zip(whole, expected, strict=True)
     ]
     said = shape_left(whole, off)
-    assert "100 % of it at edges (" in said
+    assert "100 % of it at edges, " in said
     assert "in Camera0" in said
 
 
