@@ -145,10 +145,16 @@ def _farthest(condition: Condition) -> float:
 def _lens(condition: Condition, px: float) -> list[Term]:
     K, corner = condition.camera.K, _farthest(condition)
 
-    def flow(number: int) -> Flow:
-        return lambda s: lens_flow.unit_flow(s, number)
-
     cause = lens_flow.CAUSE if lens_flow.has_numbers(condition.camera) else NUISANCE
+
+    def flow(number: int) -> Flow:
+        def moved(s: State) -> tuple[np.ndarray, np.ndarray] | None:
+            if cause == lens_flow.CAUSE and not lens_flow.has_numbers(s.camera):
+                return None
+            return lens_flow.unit_flow(s, number)
+
+        return moved
+
     order, part = (3, 5, 2, 2), (1.0, 1.0, DECENTRED, DECENTRED)
     return [
         replace(

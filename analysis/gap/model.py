@@ -101,6 +101,8 @@ class Model:
     def lens(self, condition: Condition) -> tuple[float, ...]:
         """What a condition's lens has more of ``lens_flow.NUMBERS``, where the model stands."""
         more = dict.fromkeys(lens_flow.NUMBERS, 0.0)
+        if not lens_flow.has_numbers(condition.camera):
+            return tuple(more.values())
         for term, x in zip(self.terms, self.at, strict=True):
             if term.cause == lens_flow.CAUSE and term.camera in ("", condition.camera.name):
                 more[term.parameter] += float(x)

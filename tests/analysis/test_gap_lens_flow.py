@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.gap import lens_flow
+from analysis.gap.geometry_terms import _lens
+from analysis.gap.model import Model
+from analysis.gap.terms import NUISANCE
 from interchange.camera import Camera, Lens
 from interchange.distortion import LensModel
 from interchange.sensor import Sensor
@@ -68,9 +71,18 @@ def test_what_a_lens_does_not_image_stays() -> None:
 
 
 def test_a_fisheye_has_no_numbers_of_browns() -> None:
+    """Beside a camera that has, what all cameras share moves that alone; by itself its lens is calibration's."""
     camera = _camera()
-    assert lens_flow.has_numbers(camera)
-    assert not lens_flow.has_numbers(replace(camera, lens=Lens(4e-3, model=LensModel.FISHEYE)))
+    fisheye = replace(camera, lens=Lens(4e-3, model=LensModel.FISHEYE))
+    shared, own = (_lens(SimpleNamespace(camera=c), 0.1) for c in (camera, fisheye))
+    assert [t.cause for t in shared] == [lens_flow.CAUSE] * 4
+    assert [t.cause for t in own] == [NUISANCE] * 4
+    assert shared[0].flow(SimpleNamespace(camera=fisheye)) is None
+    here = np.zeros((1, 1)), np.zeros((1, 1))
+    assert own[0].flow(SimpleNamespace(camera=fisheye, source=here)) is not None
+    model = Model(tuple(shared), np.full(4, 0.1), np.full(4, 0.1))
+    assert model.lens(SimpleNamespace(camera=camera)) == (0.1,) * 4
+    assert model.lens(SimpleNamespace(camera=fisheye)) == (0.0,) * 4
 
 
 @pytest.mark.parametrize(("k2", "folded"), [(-0.0225, True), (0.0335, False), (0.1004, False)])
