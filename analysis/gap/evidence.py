@@ -34,7 +34,7 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
-FURTHEST = 400.0  # the same of what stands elsewhere: a lens that was written down as none at all
+FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
 Cause = tuple[str, str]
 Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is

@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.gap.state import State
 from interchange.camera import Camera, Lens
-from interchange.distortion import LensModel
+from interchange.distortion import LensModel, distort, padded
 from interchange.effects.lens_distortion import LensDistortion
 
 CAUSE = LensDistortion.name()
@@ -27,24 +27,27 @@ def has_numbers(camera: Camera) -> bool:
 
 
 def unit_flow(state: State, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """px (columns, rows) that every pixel of ``state`` moves by for a unit of ``NUMBERS[number]``, by what it shows."""
-    K = state.camera.K
-    column, row = state.source
+    """px (columns, rows) that every pixel of ``state`` moves by for a unit of ``NUMBERS[number]``, by what it shows; 0
+    where the lens images nothing. Of a lens that has no such numbers: what lies where the pixel shows it."""
+    camera, K = state.camera, state.camera.K
+    own: tuple[float, ...] = ()
+    column, row = (np.asarray(place, np.float64) for place in state.source)
     x, y = (column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]
-    if state.camera.lens.distorts:
-        x, y = (np.nan_to_num(z) for z in state.camera.lens.undistort(x, y))
-    dx, dy = _moved([float(k == number) for k in range(len(NUMBERS))], x, y)
-    return K[0, 0] * dx, K[1, 1] * dy
+    if has_numbers(camera):
+        (x, y), own = camera.lens.undistort(x, y), camera.lens.distortion
+    dx, dy = _moved(own, [float(k == number) for k in range(len(NUMBERS))], x, y)
+    return np.nan_to_num(K[0, 0] * dx), np.nan_to_num(K[1, 1] * dy)
 
 
-def _moved(more: Sequence[float], x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By how much ``more`` of ``NUMBERS`` moves what lies at (x, y) before the lens."""
-    k1, k2, p1, p2 = more
-    r2 = x * x + y * y
-    radial = r2 * (k1 + k2 * r2)
-    dx = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    dy = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return dx, dy
+def _moved(
+    own: Sequence[float], more: Sequence[float], x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """By how much ``more`` of ``NUMBERS`` besides a lens's ``own`` moves what lies at (x, y) before it."""
+    before = padded(own, LensModel.OPENCV)
+    after = np.array(before)
+    after[: len(NUMBERS)] += more
+    (u, v), (u0, v0) = distort(x, y, tuple(after)), distort(x, y, before)
+    return u - u0, v - v0
 
 
 def changed(camera: Camera, more: Sequence[float]) -> Camera:
@@ -94,7 +97,7 @@ def _flow(
     column, row = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     x, y = (column - cx) / fx, (row - cy) / fy
     more = [getattr(new, n) - getattr(own, n) for n in NUMBERS]
-    near = _moved(more, *(lens.undistort(x, y) if lens.distorts else (x, y)))
+    near = _moved(lens.distortion, more, *lens.undistort(x, y))
     if not max(np.nanmax(np.abs(m) * f) for m, f in zip(near, (fx, fy), strict=True)) < NEAR:
         x, y = lens.distort(*other.undistort(x, y))
         near = ((column - cx) / fx - x, (row - cy) / fy - y)

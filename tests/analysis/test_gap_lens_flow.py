@@ -16,6 +16,7 @@ from interchange.sensor import Sensor
 
 FAR = (-0.29, 0.1, 0.001, -0.0005)  # of a wide lens (docs/real_gap.md)
 WRITTEN = (-0.1, 0.02, 0.0, 0.0, 0, 0, 0, 0)
+RATIONAL = (-0.1, 0.02, 0.0, 0.0, 0, 0.15, -0.03, 0)
 
 
 def _camera(distortion: tuple[float, ...] = ()) -> Camera:
@@ -28,7 +29,7 @@ def _with(camera: Camera, more: tuple[float, ...]) -> Camera:
     return replace(camera, lens=replace(camera.lens, distortion=tuple(own)))
 
 
-@pytest.mark.parametrize("written", [(), WRITTEN])
+@pytest.mark.parametrize("written", [(), WRITTEN, RATIONAL])
 def test_what_a_lens_moves_is_where_it_images_points(written: tuple[float, ...]) -> None:
     """Points are projected by OpenCV's formula, without and with; the flow is looked up where they lie with it,
     bilinear between pixels (off by less than a hundredth where it goes over 10 px)."""
@@ -48,10 +49,11 @@ def test_what_a_lens_moves_is_where_it_images_points(written: tuple[float, ...])
     np.testing.assert_allclose(found, (after - before)[inside], atol=0.01)
 
 
+@pytest.mark.parametrize("written", [WRITTEN, RATIONAL])
 @pytest.mark.parametrize("number", range(4))
-def test_a_unit_moves_what_a_pixel_shows(number: int) -> None:
+def test_a_unit_moves_what_a_pixel_shows(number: int, written: tuple[float, ...]) -> None:
     """Where the lens stands far from what is written: the difference of two projections of what each pixel shows."""
-    camera = _camera(WRITTEN)
+    camera = _camera(written)
     moved = lens_flow.flow(camera, FAR)
     grid = np.stack(np.meshgrid(np.arange(80.0), np.arange(60.0)), axis=-1)
     source = grid - moved
