@@ -229,6 +229,7 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
         rest=means(shown.rest, n),
         ambient=means(shown.ambient, n),
         indirect={k: means(v, n) for k, v in shown.indirect.items()},
+        undrawn={k: means(v, n) for k, v in shown.undrawn.items()},
         passes={k: v[middle, middle][:height, :width] for k, v in shown.passes.items()},
         fine={},
         coarse=n,

@@ -211,6 +211,7 @@ def diagnose(
     if maps:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
+    left |= {f.name: "Render it with paths (--render offline)." for f in findings if "added" in f.parameters}
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
@@ -368,7 +369,12 @@ def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dic
         notes.append(
             f"{len(found)} conditions are few: six or more, under two lamps and two poses, tell effects apart."
         )
-    if not any(c.shown.indirect for c in found):
+    if any(c.shown.undrawn for c in found):
+        notes.append(
+            "The renderer draws direct light alone; what surfaces give each other was traced by paths, and is "
+            "interreflection where the captures show it."
+        )
+    elif not any(c.shown.indirect for c in found):
         notes.append(
             "The simulation has direct light alone: interreflection is not among the causes that were tried."
         )

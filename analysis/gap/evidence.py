@@ -5,11 +5,16 @@ A hypothesis M is a set of causes. Every term has a normal prior around zero: as
 
     log Z_M = ½ Σ log w - ½ r' W r + ½ b' A⁻¹ b - ½ log|A| + ½ log|P|
 
-and p(M) ∝ prior(M) Z_M^(1/τ). A hypothesis whose term is below what it may be does not count, nor one whose path is as
+and p(M) ∝ prior(M) Z_M^(1/τ). All are told from one inverse: with C = A⁻¹ of some widths, and the terms U wider,
+
+    A_M = A + U Δ U',  Δ = slab⁻² - spike⁻²,  A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C
+
+A hypothesis whose term is below what it may be does not count, nor one whose path is as
 wide as it is long.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
+Woodbury: Inverting modified matrices. 1950.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,6 +57,51 @@ class Hypothesis:
     @property
     def score(self) -> float:
         return self.log_prior + self.log_Z / TAU
+
+
+class Widened:
+    """An evidence whose causes are as wide as ``slabs`` {cause: slab}: ``wide`` (n,), their terms, ``ratio`` times as
+    wide as their spikes."""
+
+    def __init__(
+        self, evidence: "Evidence", slabs: dict[Cause, float], wide: np.ndarray, ratio: np.ndarray
+    ) -> None:
+        self.evidence, self.slabs, self.wide = evidence, slabs, wide
+        self.constant = evidence.constant
+        self.gone = np.zeros((0, len(evidence.terms)))  # (Δ⁻¹ + U'CU)⁻¹ U'C
+        if len(wide):
+            inner = evidence.C[np.ix_(wide, wide)]
+            self.gone = np.linalg.solve(np.diag(1 / (ratio**-2 - 1.0)) + inner, evidence.C[wide])
+            log_det = np.linalg.slogdet(np.eye(len(wide)) + (ratio**-2 - 1.0)[:, None] * inner)[1]
+            self.constant += -0.5 * float(log_det) - float(np.log(ratio).sum())
+        self._standing: dict[frozenset[Cause], tuple[np.ndarray, float]] = {}
+
+    def C(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """A part of the covariance in units of spikes."""
+        whole = self.evidence.C
+        return np.asarray(
+            whole[np.ix_(rows, columns)] - whole[np.ix_(rows, self.wide)] @ self.gone[:, columns]
+        )
+
+    def standing(self, absent: frozenset[Cause]) -> tuple[np.ndarray, float]:
+        """C b (q,) and log Z of a hypothesis that lacks ``absent`` of the causes in force."""
+        if absent not in self._standing:
+            b, z, rr = self.evidence.residual(absent)
+            z = z - self.gone.T @ z[self.wide]
+            self._standing[absent] = z, self.constant + 0.5 * (float(b @ z) - rr)
+        return self._standing[absent]
+
+
+def _solved(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarray, float]:
+    """(I + Δ C)⁻¹ Δ z of terms that are ``ratio`` times as wide as their spikes, and log |I + Δ C|."""
+    if not len(z):
+        return z, 0.0
+    delta = ratio**-2 - 1.0
+    inner = delta[:, None] * C
+    inner[np.diag_indices(len(z))] += 1.0
+    lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
+    log_det = float(np.log(np.abs(np.diag(lu))).sum())
+    return np.asarray(lu_solve((lu, pivots), delta * z, check_finite=False)), log_det
 
 
 class Evidence:
@@ -108,22 +158,25 @@ class Evidence:
         factor = cho_factor(A, lower=True, check_finite=False)
         self.C = cho_solve(factor, np.eye(len(A)), check_finite=False)
         self.constant = 0.5 * equations.log_w - float(np.log(np.diag(factor[0])).sum())
-        self.straight: dict[frozenset[Cause], tuple[np.ndarray, float]] = {}
+        self._residuals: dict[frozenset[Cause], tuple[np.ndarray, np.ndarray, float]] = {}
+        self.nothing = self.leant = Widened(self, {}, np.array([], int), np.array([]))
         self.known: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Hypothesis] = {}
 
-    def _all_spikes(self, causes: Iterable[Cause]) -> tuple[np.ndarray, float]:
-        """C b and log Z with every term at its spike, of what a hypothesis with ``causes`` has to explain: where causes
-        are in force that it lacks, what they bend goes into its residual."""
-        absent = frozenset(self.in_force) - frozenset(causes)
-        if absent not in self.straight:
+    def lacked(self, causes: Iterable[Cause]) -> frozenset[Cause]:
+        """The causes in force that a hypothesis lacks: what they bend goes into its residual."""
+        return frozenset(self.in_force) - frozenset(causes)
+
+    def residual(self, absent: frozenset[Cause]) -> tuple[np.ndarray, np.ndarray, float]:
+        """X' W r and C X' W r (q,), in units of spikes, and r' W r of a hypothesis without the causes ``absent`` that
+        are in force."""
+        if absent not in self._residuals:
             b, rr, bends = self.e.b, self.e.rr, self.e.bends
             if absent and bends is not None:
                 k = [i for i, c in enumerate(self.in_force) if c in absent]
                 b = b + bends.b[k].sum(axis=0)
                 rr = rr + 2 * float(bends.r[k].sum()) + float(bends.N[np.ix_(k, k)].sum())
-            z = self.C @ (b * self.spike)
-            self.straight[absent] = z, self.constant + 0.5 * (float(b * self.spike @ z) - rr)
-        return self.straight[absent]
+            self._residuals[absent] = b * self.spike, self.C @ (b * self.spike), rr
+        return self._residuals[absent]
 
     def _wide(
         self, causes: Sequence[Cause], slabs: Sequence[float], given: Given = MappingProxyType({})
@@ -152,52 +205,54 @@ class Evidence:
     def log_Z(
         self, causes: tuple[Cause, ...], slabs: Sequence[float], given: Given = MappingProxyType({})
     ) -> float:
-        """With a slab for each cause, or its terms as many times wider than their spikes as ``given``: all at their
-        spikes, corrected for the k terms that are wide.
-
-        A_M = A + U Δ U' with Δ = spike²/slab² - 1, hence A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C. Woodbury 1950.
-        """
-        wide, ratio, solved, log_det = self._solved(causes, slabs, given)
-        z, log_Z = self._all_spikes(causes)
-        log_Z -= 0.5 * float(z[wide] @ solved)
-        log_Z += -0.5 * log_det - float(np.log(ratio).sum())
+        """With a slab for each cause, or its terms as many times wider than their spikes as ``given``."""
+        base, rest, own = self._nearest(causes, slabs, given)
+        wide, ratio = self._wide(rest, own, given)
+        z, log_Z = base.standing(self.lacked(causes))
+        inside = base.C(wide, wide)
+        solved, log_det = _solved(inside, z[wide], ratio)
+        log_Z += -0.5 * float(z[wide] @ solved) - 0.5 * log_det - float(np.log(ratio).sum())
+        every = np.concatenate([base.wide, wide])
+        bounded = every[np.isfinite(self.low[every])]
         along = [self.paths[c] for c in causes if c in self.paths]
-        if along or np.isfinite(self.low[wide]).any():
-            inside = self.C[np.ix_(wide, wide)]
-            theta = (z[wide] - inside @ solved) * self.spike[wide]
-            inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + inside)
-            covariance = (inside - inside @ inner @ inside) * np.outer(self.spike[wide], self.spike[wide])
-            sigma = np.sqrt(np.maximum(np.diag(covariance), 0))
-            if (theta < self.low[wide] - 2 * np.maximum(self.spike[wide], sigma)).any():
+        if not len(bounded) and not along:
+            return log_Z
+        told = np.concatenate([bounded, *along])
+        beside = base.C(told, wide)
+        theta = (z[told] - beside @ solved) * self.spike[told]
+        gone = beside @ np.linalg.solve(np.diag(1 / (ratio**-2 - 1.0)) + inside, beside.T)
+        covariance = (base.C(told, told) - gone) * np.outer(self.spike[told], self.spike[told])
+        n = len(bounded)
+        sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
+        if (theta[:n] < self.low[bounded] - 2 * np.maximum(self.spike[bounded], sigma)).any():
+            return -np.inf
+        for k in range(n, len(told), 3):
+            if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
                 return -np.inf
-            for index in along:
-                own = [int(np.flatnonzero(wide == i)[0]) for i in index]
-                if not is_path(theta[own], covariance[np.ix_(own, own)]):
-                    return -np.inf
         return log_Z
+
+    def _nearest(
+        self, causes: Sequence[Cause], slabs: Sequence[float], given: Given
+    ) -> tuple["Widened", tuple[Cause, ...], tuple[float, ...]]:
+        """What log Z is told from: the causes that are leant on, or none; and the causes and slabs that those lack."""
+        pairs = dict(zip(causes, slabs, strict=True))
+        leant = self.leant
+        if any(c in given or pairs.get(c) != slab for c, slab in leant.slabs.items()):
+            leant = self.nothing
+        rest = tuple(c for c in causes if c not in leant.slabs)
+        return leant, rest, tuple(pairs[c] for c in rest)
+
+    def lean(self, causes: Sequence[Cause] = (), width: Mapping[Cause, float] = MappingProxyType({})) -> None:
+        """Tell log Z of hypotheses that have ``causes``, as wide as ``width`` says, from there: what they have besides
+        is all that has to be solved for."""
+        slabs = {c: width[c] for c in causes}
+        self.leant = (
+            Widened(self, slabs, *self._wide(causes, list(slabs.values()))) if causes else self.nothing
+        )
 
     def chosen(self, causes: Iterable[Cause]) -> float:
         """What it costs that causes' widths, and the causes themselves, were chosen among several."""
         return float(sum(np.log(len(self.slabs[c]) * self.ways[c]) for c in causes))
-
-    def _solved(
-        self, causes: Sequence[Cause], slabs: Sequence[float], given: Given = MappingProxyType({})
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """Which terms are wide and by how much, (I + Δ C)⁻¹ Δ z of them, and log |I + Δ C|."""
-        wide, ratio = self._wide(causes, slabs, given)
-        if not len(wide):
-            return wide, ratio, np.array([]), 0.0
-        delta = ratio**-2 - 1.0
-        inner = delta[:, None] * self.C[np.ix_(wide, wide)]
-        inner[np.diag_indices(len(wide))] += 1.0
-        lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
-        log_det = float(np.log(np.abs(np.diag(lu))).sum())
-        return (
-            wide,
-            ratio,
-            lu_solve((lu, pivots), delta * self._all_spikes(causes)[0][wide], check_finite=False),
-            log_det,
-        )
 
     def alone(
         self, cause: Cause, slab: float, given: Given = MappingProxyType({})
@@ -214,8 +269,11 @@ class Evidence:
 
     def theta(self, h: Hypothesis) -> np.ndarray:
         """(q,): posterior mean of every term under a hypothesis."""
-        wide, _, solved, _ = self._solved(h.causes, h.slabs)
-        return np.asarray((self._all_spikes(h.causes)[0] - self.C[:, wide] @ solved) * self.spike)
+        wide, ratio = self._wide(h.causes, h.slabs)
+        z, _ = self.nothing.standing(self.lacked(h.causes))
+        return np.asarray(
+            (z - self.C[:, wide] @ _solved(self.C[np.ix_(wide, wide)], z[wide], ratio)[0]) * self.spike
+        )
 
     def left(self, h: Hypothesis) -> float:
         """r' W r of what a hypothesis leaves, over what was to be expected of the weights."""
@@ -284,24 +342,29 @@ class Evidence:
                 found[causes] = self.best(causes, width)
             return found[causes]
 
+        def beside(causes: tuple[Cause, ...]) -> list[Hypothesis | None]:
+            """``causes`` with one more."""
+            self.lean(causes, width)
+            return [tried((*causes, c)) for c in self.members if c not in causes]
+
         if singles and singles[0].score > none.score:
-            for a in [h.causes[0] for h in singles[:TOP]]:
-                for b in self.members:
-                    if a != b:
-                        tried((a, b))
+            for h in singles[:TOP]:
+                beside(h.causes)
         current = max(found.values(), key=lambda h: h.score)
         for _ in range(2 * MOST):
             now = current.causes
-            near = [tried((*now, c)) for c in self.members if c not in now and len(now) < MOST]
+            near = beside(now) if len(now) < MOST else []
             best = _best(near)
             if best is None or best.score <= current.score + ENOUGH / TAU:
                 rests = [tuple(c for c in now if c != gone) for gone in now if len(now) > 1]
                 near = [tried(rest) for rest in rests]
-                near += [tried((*rest, c)) for rest in rests for c in self.members if c not in now]
+                for rest in rests:
+                    near += beside(rest)
                 best = _best(near)
                 if best is None or best.score <= current.score:
                     break
             current = best
+        self.lean()
         # widths that fit the causes together
         again = self.best(current.causes, {})
         if again.score > current.score:

@@ -77,6 +77,11 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
                 start=1.0,
             )
         )
+    if any(c.shown.undrawn for c in conditions):
+        spike = REFLECTED * t.flat_field
+        terms.append(
+            Term("interreflection", "", "added", "1", spike, _undrawn, True, low=0.0, kind="reflected")
+        )
     for name in dict.fromkeys(m for c in conditions for m in c.shown.scene.material_names):
         own = GRAY[1] if channels == 3 else 1.0
         terms += [
@@ -189,6 +194,14 @@ def _indirect(s: State) -> np.ndarray | None:
     share = s.shown.indirect
     parts = [L * s.channels(s.take(share[name])) for name, L in s.lamps.items() if name in share]
     return sum(parts[1:], parts[0]) if parts else None
+
+
+def _undrawn(s: State) -> np.ndarray | None:
+    undrawn, weights = s.shown.undrawn, s.shown.weights(s.condition.scene)
+    parts = [
+        undrawn[name] * w.astype(np.float32) for name, w in weights.items() if name in undrawn and w.any()
+    ]
+    return s.per_radiance * s.channels(s.take(sum(parts[1:], parts[0]))) if parts else None
 
 
 def _albedo(name: str, k: int) -> Field:

@@ -60,6 +60,7 @@ class Model:
             symmetric,
             self.scene,
             self.knots,
+            self.reflected,
         )
 
     def effects(self, condition: Condition) -> list[Effect]:
@@ -74,6 +75,11 @@ class Model:
             if term.kind == "scene" and x:
                 values.setdefault(term.candidate, {})[term.parameter] = term.value(float(x))
         return tuple((MODELS[cause](**given), target) for (cause, target), given in values.items())
+
+    @property
+    def reflected(self) -> float:
+        """Of the light that the renderer does not draw."""
+        return sum(float(x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "reflected")
 
     def flow(self, condition: Condition) -> np.ndarray | None:
         """(H, W, 2) px that the image moves by; conditions that share a rendering share it."""

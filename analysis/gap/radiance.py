@@ -53,8 +53,9 @@ class Rendered:
     """What one camera sees of one arrangement: ``lamps`` {name: (H, W, 3)} at ``intensity``, and the passes.
 
     ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: of each lamp, share of light that met another
-    surface first, (H, W, 3); none where the renderer draws none. ``fine``: the lamps (n H, n W, 3) float16 over
-    ``scale``, on a grid n times finer; none where that would be too much. ``coarse``: how many of the sensor's pixels
+    surface first, (H, W, 3); none where the renderer draws none, but ``undrawn``: the radiance of each that paths have,
+    (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer; none where that would
+    be too much. ``coarse``: how many of the sensor's pixels
     along a side are one here, which ``origin`` has apart. ``elsewhere``: the same with effects of the scene in force,
     ``standing``, that a difference of direct light does not tell.
     """
@@ -71,6 +72,7 @@ class Rendered:
     fine: dict[str, np.ndarray] = field(default_factory=dict)
     scale: float = 1.0
     coarse: int = 1
+    undrawn: dict[str, np.ndarray] = field(default_factory=dict)
     origin: "Rendered | None" = None
     standing: Changes = ()
     elsewhere: tuple["Rendered", ...] = ()
@@ -189,7 +191,7 @@ def _rendered(
     key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, FINE, MOST))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
-    arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, bool(settings.get("indirect"))))
+    arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, settings))
     scale = float(arrays.get("scale", 1.0))
     fine = {name: arrays[f"fine:{name}"] for name in intensity if f"fine:{name}" in arrays}
     return Rendered(
@@ -206,6 +208,7 @@ def _rendered(
         samples=int(settings.get("samples", 64)),
         fine=fine,
         scale=scale,
+        undrawn={k.removeprefix("undrawn:"): v for k, v in arrays.items() if k.startswith("undrawn:")},
     )
 
 
@@ -221,7 +224,8 @@ def kept_on_disk(file: Path, made: Callable[[], dict[str, np.ndarray]]) -> dict[
         return {name: stored[name] for name in stored.files}
 
 
-def _arrays(scene: Scene, camera: Camera, render: Render, bounces: bool) -> dict[str, np.ndarray]:
+def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:
+    bounces = bool(settings.get("indirect"))
     width, height = camera.sensor.resolution
     finer = FINE if 6 * FINE**2 * width * height * len(scene.lights) <= MOST else 1
     eye = camera.resized(finer * width) if finer > 1 else camera
@@ -236,6 +240,9 @@ def _arrays(scene: Scene, camera: Camera, render: Render, bounces: bool) -> dict
         rest = means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
         middle = slice(finer // 2, None, finer)
         out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
+        if settings.get("reflected"):
+            around = render(scene, camera, ("indirect",), True, 1, Paths.REFLECTED)
+            out |= {f"undrawn:{n}": np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps}
     rest[rest < 1e-5 * max(float(image.pixels.max()), 1e-30)] = 0  # rounding, where nothing shines by itself
     dome = Light(AMBIENT, LightKind.DOME, (1.0, 1.0, 1.0))
     ambient = render(replace(scene, lights=(dome,)), camera, (), False, 1, Paths.ALL).pixels - rest

@@ -33,7 +33,7 @@ FAR = 1.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
-FOLLOWED = ("chain", "flow", "scene")  # kinds of terms that are drawn anew where they stand
+FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 
@@ -277,7 +277,7 @@ class Search:
         rendered = []
         for index in members.values():
             for i in index:
-                if self.terms[i].kind == "chain":
+                if self.terms[i].kind in ("chain", "reflected"):
                     at[i] = max(theta[i], self.terms[i].low)
             at = straight(self.terms, at)
             scene = [i for i in index if self.terms[i].kind == "scene"]

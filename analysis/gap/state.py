@@ -26,7 +26,7 @@ class State:
     it looks at the capture). Benhimane, Malis: Homography-based 2D visual tracking and servoing. IJRR 2007.
 
     ``scene``: effects of the scene that are in force, as ``knots`` renders them: what they change is added to what was
-    rendered, with them or nearest to that."""
+    rendered, with them or nearest to that. ``reflected``: of the light that the renderer does not draw."""
 
     def __init__(
         self,
@@ -37,10 +37,11 @@ class State:
         symmetric: bool = False,
         scene: Changes = (),
         knots: Knots | None = None,
+        reflected: float = 0.0,
     ) -> None:
         self.condition, self.effects, self.stride = condition, tuple(effects), stride
         self.symmetric = symmetric and not condition.shown.fine
-        self.flow, self.scene = flow, scene
+        self.flow, self.scene, self.reflected = flow, scene, reflected
         self.camera, self.base = condition.camera, condition.shown.nearest(scene)
         changes: tuple[tuple[float, Change], ...] = ()
         if knots is not None and scene != self.base.standing:
@@ -65,7 +66,8 @@ class State:
         return told_apart(self.camera, effects, self.condition.mean.shape[2])
 
     def _seen(self, optics: FineOptics) -> Views:
-        return seen(self.base, optics.flow(self.camera, self.flow), self._changes, optics.blur)
+        flow = optics.flow(self.camera, self.flow)
+        return seen(self.base, flow, self._changes, optics.blur, self.reflected)
 
     def take(self, plane: np.ndarray) -> np.ndarray:
         return plane[:: self.stride, :: self.stride]

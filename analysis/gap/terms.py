@@ -39,7 +39,8 @@ class Term:
     1 / ``power``. ``part``: rms over the signal that it has of its cause, over that of the cause's first number, where
     the cause is there. ``low``: the least value the term may have. ``kind``: "chain" (an effect in
     ``interchange.effects``), "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as
-    linear), "linear", or "cell" (number ``cell`` of ``family``, which has no ``field``).
+    linear), "reflected" (light that the renderer does not draw), "linear", or "cell" (number ``cell`` of ``family``,
+    which has no ``field``).
     """
 
     cause: str

@@ -27,10 +27,18 @@ Changes = tuple[tuple[float, Change], ...]  # each with its sign
 
 class Views:
     """``base`` moved by ``flow`` (H, W, 2) px (where things go to, minus where they are), or its channels by one each,
-    (H, W, 3, 2), with ``changes`` added, and blurred."""
+    (H, W, 3, 2), with ``changes`` added, and blurred; and ``reflected`` times the light that the renderer does not
+    draw."""
 
-    def __init__(self, base: Rendered, flow: np.ndarray | None, changes: Changes, blur: Blur = SHARP) -> None:
-        self.base, self.flow, self.changes, self.blur = base, flow, changes, blur
+    def __init__(
+        self,
+        base: Rendered,
+        flow: np.ndarray | None,
+        changes: Changes,
+        blur: Blur = SHARP,
+        reflected: float = 0.0,
+    ) -> None:
+        self.base, self.flow, self.changes, self.blur, self.reflected = base, flow, changes, blur, reflected
         self._beside: dict[Way, Rendered] = {}
         self._drawing = RLock()  # conditions that share it wait for what another draws
 
@@ -62,7 +70,10 @@ class Views:
             for name in names
             if name in self.base.lamps
         }
-        return {name: means(plane, self.base.coarse) for name, plane in whole.items()}
+        added = {name: means(plane, self.base.coarse) for name, plane in whole.items()}
+        for name, plane in self.base.undrawn.items() if self.reflected else ():
+            added[name] = added.get(name, 0.0) + np.float32(self.reflected) * plane
+        return added
 
     def _changed(self, shown: Rendered, way: Way) -> Rendered:
         lamps = dict(shown.lamps)
@@ -110,23 +121,30 @@ class Views:
             lamps={} if shown.fine else {n: there(p) for n, p in shown.lamps.items()},
             rest=there(shown.rest),
             ambient=there(shown.ambient),
+            undrawn={n: there(p) for n, p in shown.undrawn.items()},
         )
 
 
-def seen(base: Rendered, flow: np.ndarray | None, changes: Changes = (), blur: Blur = SHARP) -> Views:
+def seen(
+    base: Rendered,
+    flow: np.ndarray | None,
+    changes: Changes = (),
+    blur: Blur = SHARP,
+    reflected: float = 0.0,
+) -> Views:
     """The last ``KEPT`` are kept."""
     moved = "" if flow is None else hashlib.sha256(flow.tobytes()).hexdigest()
-    key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes), blur)
+    key = (id(base), moved, tuple((sign, id(change)) for sign, change in changes), blur, reflected)
     with _keeping:
         if key not in _kept:
-            _kept[key] = Views(base, flow, changes, blur)
+            _kept[key] = Views(base, flow, changes, blur, reflected)
             while len(_kept) > KEPT:
                 _kept.popitem(last=False)
         _kept.move_to_end(key)
         return _kept[key]
 
 
-_kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur], Views] = OrderedDict()
+_kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur, float], Views] = OrderedDict()
 _keeping = Lock()
 
 

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     document = open_scene(args.scene)
     home = Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache")
     cache = args.cache or home / "brightfield" / "renderings"
-    with renderer(args.render) as (render, settings):
+    with renderer(args.render, reflected=False) as (render, settings):
         plan = capture_plan(document, render, settings, cache, most=args.most, told=_told)
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)

@@ -1,4 +1,7 @@
-"""Light that met another surface first, over what the simulation has of it: L' = L_direct + scale L_indirect."""
+"""Light that met another surface first, over what the simulation has of it, and what its renderer does not draw:
+
+L' = L_direct + scale L_indirect + added L_undrawn
+"""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +15,8 @@ from interchange.problems import BrightfieldError
 
 @dataclass(frozen=True)
 class Interreflection(Effect):
-    """On a rendering, with its pass ``indirect``: which share of it a scene has no word for."""
+    """On a rendering, with its passes ``indirect``, part of its pixels, and ``undrawn``, none of them: which share of
+    those it has, a scene has no word for."""
 
     stage = Stage.SCENE
     order = 90
@@ -24,11 +28,18 @@ class Interreflection(Effect):
     separated_by = "the part alone on a black ground"
 
     scale: float = parameter(1.0, "s", "1", 0, 10, "indirect light over what the simulation has")
+    added: float = parameter(
+        0.0, "a", "1", 0, 10, "indirect light the renderer does not draw, of what paths have"
+    )
 
     def on_radiance(self, image: Image, target: str = "") -> Image:
         if not self.is_there:
             return image
-        if "indirect" not in image.passes:
-            raise BrightfieldError("Interreflection needs a rendering with the pass indirect.")
-        pixels = image.pixels + np.float32(self.scale - 1) * image.passes["indirect"]
+        pixels = image.pixels
+        for name, more in (("indirect", self.scale - 1), ("undrawn", self.added)):
+            if not more:
+                continue
+            if name not in image.passes:
+                raise BrightfieldError(f"Interreflection needs a rendering with the pass {name}.")
+            pixels = pixels + np.float32(more) * image.passes[name]
         return replace(image, pixels=np.asarray(pixels, np.float32))

@@ -39,8 +39,8 @@ class Rig:
     document: Document
     truth: list[Rendered]
 
-    def captured(self, name: str, effects: Sequence[Effect]) -> Captures:
-        """Written to ``folder / name``, and read."""
+    def captured(self, name: str, effects: Sequence[Effect], reflected: float = 0.0) -> Captures:
+        """Written to ``folder / name``, and read; with ``reflected`` times the light that the renderer leaves out."""
         rng = np.random.default_rng(3)
         entries = []
         (self.folder / name).mkdir(exist_ok=True)
@@ -49,7 +49,10 @@ class Rig:
             camera = scene.camera(camera_at(time))
             camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
             t_exp = EXPOSURE.get(time, 1.0)
-            dn = expose(Image(shown.radiance(scene)), camera, t_exp, rng=rng, effects=effects).pixels
+            radiance = shown.radiance(scene) + np.float32(reflected) * sum(
+                plane * shown.weights(scene)[name].astype(np.float32) for name, plane in shown.undrawn.items()
+            )
+            dn = expose(Image(radiance), camera, t_exp, rng=rng, effects=effects).pixels
             file = self.folder / name / f"{time:02d}.png"
             images.write(file, dn.astype(np.uint16))
             entries.append({"image": file.name, "camera": camera.name, "time": time, "exposure": t_exp})

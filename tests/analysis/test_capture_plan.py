@@ -103,7 +103,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def plan(scene: Path) -> CapturePlan:
-    with renderer("realtime", 4) as (render, settings):
+    with renderer("realtime", 4, reflected=False) as (render, settings):
         return capture_plan(open_scene(scene), render, settings, scene.parent / "cache", most=6)
 
 
@@ -136,7 +136,7 @@ def test_a_plan_is_about_effects(plan: CapturePlan) -> None:
 
 def test_the_dark_tells_at_two_exposures(scene: Path) -> None:
     """A dark current from a black level, and either from the ambient light."""
-    with renderer("realtime", 4) as (render, settings):
+    with renderer("realtime", 4, reflected=False) as (render, settings):
         whole = capture_plan(open_scene(scene), render, settings, scene.parent / "cache", most=99)
     assert len({p.candidate.exposure for p in whole.captures if p.candidate.lighting == NONE}) >= 2
 
@@ -167,7 +167,7 @@ def test_the_skeleton_is_a_captures_file_once_images_are_there(
 def test_a_scene_without_lamps_has_no_plan(tmp_path: Path) -> None:
     (tmp_path / "dark.usda").write_text(PLATE.replace("inputs:intensity = 36", "inputs:intensity = 0"))
     with (
-        renderer("realtime", 4) as (render, settings),
+        renderer("realtime", 4, reflected=False) as (render, settings),
         pytest.raises(BrightfieldError, match="lamp that is on"),
     ):
         capture_plan(open_scene(tmp_path / "dark.usda"), render, settings, tmp_path / "cache")

@@ -55,7 +55,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> Document:
 @pytest.fixture(scope="module")
 def shown(document: Document, tmp_path_factory: pytest.TempPathFactory) -> list[Rendered]:
     views = [(s, s.camera("/World/Camera0")) for s in map(document.scene, TIMES)]
-    with renderer("realtime", 16) as (render, settings):
+    with renderer("realtime", 16, reflected=False) as (render, settings):
         return render_all(views, render, settings, tmp_path_factory.mktemp("cache"))
 
 

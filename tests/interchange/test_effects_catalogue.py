@@ -385,3 +385,7 @@ def test_interreflection_scales_indirect_light():
     assert Interreflection(0).on_radiance(image).pixels == pytest.approx(direct)
     with pytest.raises(BrightfieldError, match="pass indirect"):
         Interreflection(0).on_radiance(Image(direct))
+    undrawn = Image(direct, passes={"undrawn": indirect})
+    assert Interreflection(added=1).on_radiance(undrawn).pixels == pytest.approx(direct + indirect)
+    with pytest.raises(BrightfieldError, match="pass undrawn"):
+        Interreflection(added=1).on_radiance(Image(direct))
