@@ -12,7 +12,6 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
-from analysis.gap.light_terms import surface_coordinates
 from analysis.gap.state import State
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.captures import Tolerances
@@ -98,7 +97,11 @@ def _term(cause: str, target: str, parameter: str, spike: float, field: Field) -
 
 
 def _cosines(x: np.ndarray, y: np.ndarray, i: int, j: int) -> np.ndarray:
-    return (np.cos(np.pi * i * x) * np.cos(np.pi * j * y)).astype(np.float32)[..., None]
+    """Where x or y does not count it costs nothing, and neither needs more than seven digits."""
+    waves = [np.cos(np.float32(np.pi * k) * a.astype(np.float32)) for k, a in ((i, x), (j, y)) if k]
+    return np.asarray(np.prod(waves, axis=0, dtype=np.float32) if waves else np.ones_like(x, np.float32))[
+        ..., None
+    ]
 
 
 def _image(camera: str, i: int, j: int, factor: bool) -> Field:
@@ -114,8 +117,7 @@ def _image(camera: str, i: int, j: int, factor: bool) -> Field:
 
 def _surface(i: int, j: int) -> Field:
     def field(s: State) -> np.ndarray | None:
-        p = surface_coordinates(s)
-        return s.signal * _cosines(p[..., 0], p[..., 1], i, j)
+        return s.signal * _cosines(s.on_surface[..., 0], s.on_surface[..., 1], i, j)
 
     return field
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.parallel import by_asker
-from analysis.gap.radiance import Changes, Rendered, drawn, fingerprint
+from analysis.gap.radiance import Changes, Rendered, drawn, fingerprint, weighted
 from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
 from interchange.effects import Effect
@@ -86,7 +86,7 @@ class Change:
         for name, plane in self.lamps.items():
             weight = weights.get(name)
             if weight is not None and weight.any():
-                out += plane.astype(np.float32) * (self.scale * weight).astype(np.float32)
+                out += weighted(plane.astype(np.float32), self.scale * weight)
         return out
 
     def placed(self, row: int, column: int) -> "Change":

@@ -223,9 +223,3 @@ def _gray(name: str) -> Field:
         return sum(parts[1:], parts[0]) if parts else None
 
     return field
-
-
-def surface_coordinates(state: State) -> np.ndarray:
-    """(h, w, 3) in [0, 1] over the scene's bounds."""
-    low, high = state.shown.scene.bounds
-    return np.clip((state.position - low) / np.maximum(high - low, 1e-9), 0, 1)

@@ -11,7 +11,7 @@ from analysis.gap.expected import Expected, mean_dn
 from analysis.gap.fine_optics import FineOptics, told_apart
 from analysis.gap.knots import Change, Knots
 from analysis.gap.parallel import own_property
-from analysis.gap.radiance import FINE, Changes, Rendered
+from analysis.gap.radiance import FINE, Changes, Rendered, weighted
 from analysis.gap.views import Views, Way, seen
 from interchange.camera import Camera
 from interchange.effects import Effect
@@ -128,7 +128,7 @@ class State:
         out = {}
         for name, weight in self.shown.weights(self.condition.scene).items():
             if weight.any():
-                L = self.channels(self.take(self.shown.lamps[name]) * weight.astype(np.float32))
+                L = self.channels(weighted(self.take(self.shown.lamps[name]), weight))
                 out[name] = self.per_radiance * L
         return out
 
@@ -210,6 +210,12 @@ class State:
             origin, direction = np.where(lost, eye[:3, 3], origin), np.where(lost, eye[:3, 2], direction)
             seen = np.where(np.isnan(seen), origin + 1e4 * direction, seen)
         return seen
+
+    @own_property
+    def on_surface(self) -> np.ndarray:
+        """(h, w, 3) in [0, 1] over the scene's bounds."""
+        low, high = self.shown.scene.bounds
+        return np.clip((self.position - low) / np.maximum(high - low, 1e-9), 0, 1)
 
     @own_property
     def in_camera(self) -> np.ndarray:

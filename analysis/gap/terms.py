@@ -142,8 +142,8 @@ def families(terms: Sequence[Term]) -> list[tuple[Family, np.ndarray]]:
 
 
 def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
-    """(h, w, C) float64: what ``theta`` (q,) of ``terms`` add to the image."""
-    total = np.zeros(state.signal.shape)
+    """(h, w, C) float32: what ``theta`` (q,) of ``terms`` add to the image."""
+    total = np.zeros(state.signal.shape, np.float32)  # sums of some hundreds: 1e-4 DN
     motion: list[np.ndarray] = []  # what moves the image moves it together, which is drawn once
     for term, x in zip(terms, theta, strict=True):
         if x and term.flow is not None:
@@ -153,7 +153,7 @@ def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
         elif x and term.family is None:
             column = term.column(state)
             if column is not None:
-                total += x * column
+                total += np.float32(x) * column
     if motion:
         total += state.shifted(*np.sum(motion, axis=0))
     for family, index in families(terms):
@@ -161,7 +161,7 @@ def added(state: State, terms: Sequence[Term], theta: np.ndarray) -> np.ndarray:
             found = family.cells(state)
             if found is not None:
                 ids, share, unit = found
-                height = np.zeros(len(family.places) + 1)  # the last stands for no place
+                height = np.zeros(len(family.places) + 1, np.float32)  # the last stands for no place
                 height[[terms[i].cell for i in index]] = theta[index]
                 total += (height[ids] * share).sum(axis=-1)[..., None] * unit
     return total

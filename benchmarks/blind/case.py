@@ -28,13 +28,15 @@ CLOSE = 0.04  # of a severity, on the fine grid
 
 @dataclass(frozen=True)
 class Settings:
-    """``seed``: of the set: its worlds, so that another set stands on other calibration errors."""
+    """``seed``: of the set: its worlds, so that another set stands on other calibration errors. ``still``: scenes
+    stand as they are written, and errors are those of the images alone."""
 
     cache: Path
     seed: int
     size: tuple[int, int] | None = None  # each scene's own
     samples: int = 25
     fine: int = 3
+    still: bool = False
 
 
 def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
@@ -44,7 +46,7 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
     key = [settings.seed, SCENES.index(plan.scene), plan.world]
     world = np.random.default_rng([*key, 1] if plan.apart else key)
     disturbed = apart_world.disturbed if plan.apart else errors.disturbed
-    bench = disturbed(nominal, tolerances, world)
+    bench = nominal if settings.still else disturbed(nominal, tolerances, world)
     shots = tuple(replace(s, repeats=plan.repeats) if s.repeats > 2 else s for s in nominal.shots)
     bench, nominal = replace(bench, shots=shots), replace(nominal, shots=shots)
     rng = np.random.default_rng(plan.seed)

@@ -9,7 +9,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from benchmarks.blind.bench import Bench, Eye, Shot
+from benchmarks.blind.bench import Bench, Eye, Part, Shot
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,23 @@ def drawn(rng: np.random.Generator, deviation: float, shape: object = None) -> n
 
 def disturbed(bench: Bench, t: Tolerances, rng: np.random.Generator) -> Bench:
     """The scene as it really stands: lamps, cameras, parts and gloss a little off their places, rendered so."""
+    sheet = sheets(bench)
     lamps = tuple(
         replace(x, position=tuple(np.array(x.position) + drawn(rng, SHARE * t.light_position_mm, 3)))
         for x in bench.lamps
     )
     parts = []
     together = drawn(rng, SHARE * t.object_pose_mm, 2)
+    moves: list[np.ndarray] = []
     for k, part in enumerate(bench.parts):
+        moves.append(drawn(rng, SHARE * t.object_pose_mm, 2))
         poses = []
         for pose in part.poses:
             moved = pose.copy()
             if len(part.poses) > 1:  # the parts of one body go together
                 moved[:2, 3] += together
             elif k:  # the first is the table, which everything is measured from
-                moved[:2, 3] += drawn(rng, SHARE * t.object_pose_mm, 2)
+                moved[:2, 3] += moves[sheet[k]]
             poses.append(moved)
         parts.append(replace(part, poses=tuple(poses)))
     matters = tuple(
@@ -65,6 +68,25 @@ def disturbed(bench: Bench, t: Tolerances, rng: np.random.Generator) -> Bench:
     )
     eyes = tuple(_disturbed_eye(e, bench.size[0], t, rng) for e in bench.eyes)
     return replace(bench, lamps=lamps, parts=tuple(parts), matters=matters, eyes=eyes)
+
+
+def sheets(bench: Bench) -> list[int]:
+    """Of each part the first one that it shares a sheet with, itself where it is alone: flat parts whose corners
+    coincide are one print, and no error opens gaps in it."""
+    found: list[int] = []
+    for k, part in enumerate(bench.parts):
+        own = _corners(part)
+        found.append(next((found[i] for i in range(k) if own & _corners(bench.parts[i])), k))
+    return found
+
+
+def _corners(part: Part) -> set[tuple[float, ...]]:
+    """Of a flat part that never moves, in µm; none of any other."""
+    points = part.solid.vertices
+    if len(part.poses) > 1 or np.ptp(points[:, 2]) > 1e-6:
+        return set()
+    there = points @ part.poses[0][:3, :3].T + part.poses[0][:3, 3]
+    return {tuple(p) for p in np.round(1e3 * there, 3)}
 
 
 def _disturbed_eye(eye: Eye, width: int, t: Tolerances, rng: np.random.Generator) -> Eye:

@@ -62,6 +62,11 @@ def main() -> None:
     p.add_argument(
         "--apart", type=float, default=0.0, metavar="SHARE", help="of cases with errors and forms of apart/"
     )
+    p.add_argument(
+        "--still",
+        action="store_true",
+        help="scenes stand as written: errors are of the images alone, as in the sample captures",
+    )
     p.add_argument("--workers", type=int, default=1)
     p.add_argument("--nice", type=int, default=10)
     args = p.parse_args()
@@ -80,7 +85,11 @@ def main() -> None:
     from benchmarks.blind.case import Settings
 
     settings = Settings(
-        args.cache or args.out / "cache", seed, tuple(args.size) if args.size else None, args.samples
+        args.cache or args.out / "cache",
+        seed,
+        tuple(args.size) if args.size else None,
+        args.samples,
+        still=args.still,
     )
     given = {k: int(n) for k, n in (x.split("=") for x in args.counts)}
     todo = plans(

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.blind import chain, proposals, severity, strata, tracing, truth
 from benchmarks.blind.chain import Cause, Frame
-from benchmarks.blind.errors import Tolerances, disturbed, draw
+from benchmarks.blind.errors import Tolerances, disturbed, draw, sheets
 from benchmarks.blind.picture import write_png
 from benchmarks.blind.run import first_of_each_scene
 from benchmarks.blind.scene_causes import RENDERED, changed
@@ -235,6 +235,10 @@ def test_calibration_errors_stay_within_what_is_declared():
     assert np.std([e.black[0] for e in errors]) < t.black_level_dn
     assert np.mean([e.flat[0].std() for e in errors]) < t.flat_field
     moved = disturbed(bench, t, np.random.default_rng(0))
+    halves = [k for k, part in enumerate(bench.parts) if part.name.startswith("board_")]
+    assert [sheets(bench)[k] for k in halves] == [halves[0]] * 2  # one print: no gap opens between its tiles
+    assert np.array_equal(*(moved.parts[k].poses[0] - bench.parts[k].poses[0] for k in halves))
+    assert len(set(sheets(bench))) == len(bench.parts) - 1
     shift = [np.subtract(a.position, b.position) for a, b in zip(moved.lamps, bench.lamps, strict=True)]
     assert 0 < np.abs(shift).max() <= 2 * t.light_position_mm
     for a, b in zip(moved.eyes, bench.eyes, strict=True):
