@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.blind.apart.budget import Budget
 from benchmarks.blind.bench import Bench, Eye, Lamp, Matter, Part
-from benchmarks.blind.errors import Tolerances
+from benchmarks.blind.errors import Tolerances, sheets
 
 
 def disturbed(bench: Bench, t: Tolerances, rng: np.random.Generator) -> Bench:
@@ -15,7 +15,7 @@ def disturbed(bench: Bench, t: Tolerances, rng: np.random.Generator) -> Bench:
     return replace(
         bench,
         lamps=_lamps(bench.lamps, b, t.light_position_mm),
-        parts=_parts(bench.parts, b, t.object_pose_mm),
+        parts=_parts(bench.parts, sheets(bench), b, t.object_pose_mm),
         matters=_matters(bench.matters, b, t.gloss),
         eyes=tuple(_eye(e, b, t.registration_px, bench.size[0]) for e in bench.eyes),
     )
@@ -32,13 +32,13 @@ def _lamps(lamps: tuple[Lamp, ...], b: Budget, tolerance: float) -> tuple[Lamp, 
     return tuple(replace(x, position=tuple(map(float, q))) for x, q in zip(lamps, p, strict=True))
 
 
-def _parts(parts: tuple[Part, ...], b: Budget, tolerance: float) -> tuple[Part, ...]:
+def _parts(parts: tuple[Part, ...], sheet: list[int], b: Budget, tolerance: float) -> tuple[Part, ...]:
     """Each lies a little turned and shifted, on a table that grew; what is laid again lies otherwise again. The first
-    is the table, which everything is measured from; what lies in several poses is one body."""
+    is the table, which everything is measured from; what lies in several poses is one body, and so is a ``sheet``."""
     grown = float(b.normal()) * 0.5 * tolerance / 150
     poses = max(len(p.poses) for p in parts)
     body = [_laid(np.zeros(3), 60.0, b, tolerance) for _ in range(poses)]
-    out = []
+    out, moves = [], {0: np.eye(4)}
     for k, p in enumerate(parts):
         v = p.solid.vertices @ p.pose(0)[:3, :3].T + p.pose(0)[:3, 3]
         middle = (v.max(axis=0) + v.min(axis=0)) / 2
@@ -47,7 +47,8 @@ def _parts(parts: tuple[Part, ...], b: Budget, tolerance: float) -> tuple[Part, 
         elif k:
             T = _laid(middle, float(np.hypot(*(v - middle).T[:2]).max()), b, tolerance)
             T[:2, 3] += grown * middle[:2]
-            p = replace(p, poses=(T @ p.pose(0),))
+            moves[k] = T
+            p = replace(p, poses=(moves[sheet[k]] @ p.pose(0),))
         out.append(p)
     return tuple(out)
 
