@@ -6,10 +6,13 @@ that, all else staying as it is.
 
 **What is there is there in every condition.** Pixels share errors that log Z takes for independent ones; conditions
 share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
-that the others show and s the jackknife's standard deviation of β, no effect is surer than the likelihood ratio of
-Student's t, (1 + 1 / (s² (n - 1)))^(n/2), makes it, n the conditions that show it. That there is anything at all, an
-effect or something without a name, is no surer either (less log n / 2 for the number that was fitted), unless more is
-left without it than was to be expected.
+that the others show and s the jackknife's standard deviation of β, n conditions have amounts whose squares add up to
+n about zero (in units of their mean) and n (n - 1) s² about that. Where the effect is there they are normal around one
+amount, and differ by ``ALIKE`` of it, more or less; where errors that pixels share look like it, around none, and
+differ by about as much as was found. No effect is surer than the ratio of the two makes it (both widths unknown, with
+inverse gamma distributions), such errors being e^``LIKELY`` times as likely as an effect beforehand; that there is
+anything at all, an effect or something without a name, is no surer than the ratio, unless more is left without it
+than was to be expected.
 
 **What is left is told.** Noise, the renderer and edges are known to ``KNOWN``: a residual that is larger has a cause,
 whatever it is. Log Z compares hypotheses with each other and does not see it.
@@ -27,8 +30,14 @@ from scipy.special import expit, gammaln
 from analysis.gap.evidence import TAU, Cause, Evidence, Hypothesis
 from analysis.gap.normal_equations import NormalEquations, total_of
 
-TAILS = 8.0  # degrees of freedom
-FARTHEST, RUNGS = 6.0, 8  # of κ: six in a million are larger, and what is further off is an effect
+TAILS = 16.0  # degrees of freedom
+FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
+ALIKE, ALIKE_BY = (
+    0.12,
+    4.0,
+)  # conditions' amounts of what is there, relative, and the degrees of freedom of that
+FOUND, FOUND_BY = 1.0, 2.0  # the same of errors, over what was found
+LIKELY = 2.0
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
 FEWEST = 3  # conditions that may be left out in turn
 KNOWN = 0.04  # of what is to be left, one standard deviation
@@ -62,14 +71,26 @@ def cautions(
 ) -> dict[Cause, Caution]:
     """Of the causes of ``h``. ``evidence``: that of its stand, ``declared`` (q,): spikes as declared. ``plain``: the
     same without the doubt of forms, of ``parts``, one a condition; ``left_out`` (n, q): θ without each."""
-    tails = {c: tail(evidence, declared, h, c) for c in h.causes}
-    spreads = {c: spread(plain, h, c, parts, left_out) for c in h.causes}
     out = {}
-    for c, (s, n) in spreads.items():
-        ratio = 0.5 * n * np.log1p(1 / (s**2 * (n - 1))) if np.isfinite(s) else np.inf
-        prior = h.log_prior - evidence.prior(_without(h, c)[0])
-        out[c] = Caution(tails[c], s, float(expit(ratio + prior)), float(expit(ratio - 0.5 * np.log(n))))
+    for c in h.causes:
+        s, n = spread(plain, h, c, parts, left_out)
+        ratio = agreement(s, n) if np.isfinite(s) else np.inf
+        out[c] = Caution(tail(evidence, declared, h, c), s, float(expit(ratio - LIKELY)), float(expit(ratio)))
     return out
+
+
+def agreement(s: float, n: int) -> float:
+    """Log of how much likelier n conditions' amounts, whose mean has the relative standard deviation s, are where the
+    effect is there than where errors look like it."""
+    squares = n * (n - 1) * s**2
+
+    def log_density(about: float, free: int, scale: float, by: float) -> float:
+        prior = by * scale**2
+        known = gammaln((by + free) / 2) - gammaln(by / 2) + 0.5 * by * np.log(prior)
+        return float(known - 0.5 * (by + free) * np.log(prior + about) - 0.5 * free * np.log(np.pi))
+
+    there = log_density(squares, n - 1, ALIKE, ALIKE_BY) - 0.5 * np.log(n)
+    return float(there - log_density(squares + n, n, FOUND, FOUND_BY))
 
 
 def _without(h: Hypothesis, cause: Cause) -> tuple[tuple[Cause, ...], tuple[float, ...]]:

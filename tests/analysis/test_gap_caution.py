@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import expit, logsumexp
-from scipy.stats import norm, t
+from scipy.stats import invgamma, norm, t
 
 from analysis.gap.calling import beside_left_over
 from analysis.gap.caution import (
     TAILS,
     Caution,
+    agreement,
     cautions,
     left_over,
     log_prior_of_kappa,
@@ -199,13 +200,31 @@ def test_what_conditions_do_not_agree_on_is_unknown_where_something_is_left(
 
 
 def test_that_there_is_something_is_no_surer_than_conditions_make_it() -> None:
-    """Odds of Student's t by what they scatter, over sqrt(6) for the number that was fitted."""
     parts = _conditions([0.3, -0.2, 0.4, 0.1, -0.3, 0.2])
     evidence, h = _found(parts)
     caution = cautions(evidence, evidence.spike, h, evidence, parts, thetas_without(evidence, h, parts))[A]
-    odds = (1 + 1 / (5 * caution.spread**2)) ** 3 / np.sqrt(6)
+    odds = np.exp(agreement(caution.spread, 6))
     assert caution.something == pytest.approx(odds / (1 + odds))
-    assert caution.most < caution.something < 0.5
+    assert caution.most < caution.something < 0.1
+
+
+def test_agreement_is_the_ratio_of_what_conditions_show_under_both() -> None:
+    """By integrating over widths and the amount, numerically; two conditions that agree tell less than seven."""
+    amounts = np.array([0.9, 1.3, 0.8])
+    n, s = 3, float(amounts.std(ddof=1) / np.sqrt(3))
+    sigma = np.exp(np.linspace(-7, 5, 2401))
+    step = np.log(sigma[1] / sigma[0])
+
+    def under(scale: float, by: float, means: np.ndarray) -> np.ndarray:
+        width = invgamma.pdf(sigma**2, by / 2, scale=by * scale**2 / 2) * 2 * sigma**2 * step
+        each = norm.pdf(amounts[:, None, None], means[None, :, None], sigma[None, None, :]).prod(axis=0)
+        return np.asarray((each * width).sum(axis=1))
+
+    means = np.linspace(-4, 6, 2001)
+    there = under(0.12, 4.0, means).sum() * (means[1] - means[0])
+    assert agreement(s, n) == pytest.approx(np.log(there / under(1.0, 2.0, np.zeros(1))[0]), abs=1e-3)
+    assert 2.0 < agreement(0.1, 2) < agreement(0.1, 7)
+    assert agreement(0.6, 2) < 0 < agreement(0.2, 2)
 
 
 def test_what_is_called_needs_no_caution() -> None:
