@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from analysis.gap.diagnose import Diagnosed
-from interchange.effects.vignetting import Vignetting
 from tests.analysis.gap_bench import Rig
 
 
 @pytest.fixture(scope="module")
 def found(rig: Rig) -> Diagnosed:
-    return rig.diagnosed(rig.captured("reflected", [Vignetting(-0.2, 0.02)], reflected=1.0), "reflected")
+    return rig.diagnosed(rig.captured("reflected", (), reflected=1.0), "reflected")
 
 
 def test_the_bench_reflects(rig: Rig) -> None:
@@ -21,10 +20,10 @@ def test_the_bench_reflects(rig: Rig) -> None:
     assert all(np.isfinite(p).all() and p.min() >= 0 for p in shown.undrawn.values())
 
 
-def test_both_are_found(found: Diagnosed) -> None:
+def test_it_is_found_alone_and_all_of_it(found: Diagnosed) -> None:
     d = found.diagnosis
     effects = {e.name: e for e in d.effects if e.probability > 0.5}
-    assert set(effects) == {"vignetting", "interreflection"}
+    assert set(effects) == {"interreflection"}
     added = effects["interreflection"].parameters["added"]
     assert abs(added.value - 1) < 3 * added.sigma < 0.3
     assert d.gap.explained > 0.9
