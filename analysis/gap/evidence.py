@@ -17,6 +17,7 @@ MacKay: Bayesian interpolation. Neural Computation 1992.
 Woodbury: Inverting modified matrices. 1950.
 """
 
+import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -66,7 +67,8 @@ class Widened:
     def __init__(
         self, evidence: "Evidence", slabs: dict[Cause, float], wide: np.ndarray, ratio: np.ndarray
     ) -> None:
-        self.evidence, self.slabs, self.wide = evidence, slabs, wide
+        self.evidence: Evidence = weakref.proxy(evidence)  # which has this one: both go with it
+        self.slabs, self.wide = slabs, wide
         self.constant = evidence.constant
         self.gone = np.zeros((0, len(evidence.terms)))  # (Δ⁻¹ + U'CU)⁻¹ U'C
         if len(wide):

@@ -1,0 +1,54 @@
+"""A search tells log Z of hypotheses from the causes that it leans on: the same as from none."""
+
+import gc
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.evidence import Evidence
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.terms import Term
+
+NAMES = ("a", "a", "b", "c", "c", "c")
+
+
+@pytest.fixture
+def equations() -> NormalEquations:
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((len(NAMES), 400)) @ np.diag(rng.uniform(5, 20, 400))
+    r = np.array([0.02, -0.01, 0.03, 0.0, 0.01, 0.0]) @ X + rng.standard_normal(400)
+    return NormalEquations(X @ X.T, X @ r, float(r @ r), 6e4, np.full(len(NAMES), 6e4), 0.0, 400)
+
+
+def _terms(low: float) -> list[Term]:
+    plain = Term("", "", "p", "1", 0.005, lambda s: None)
+    return [replace(plain, cause=n, low=low if n == "b" else -np.inf) for n in NAMES]
+
+
+@pytest.mark.parametrize("low", [-np.inf, 0.0, 0.1])  # 0.1: b is below what it may be, however it is told
+def test_log_z_is_the_same_from_everywhere(equations: NormalEquations, low: float) -> None:
+    names = [(n, "") for n in "abc"]
+    width = dict(zip(names, (0.01, 0.03, 0.1), strict=True))
+    for leant in ([], names[:1], names[1:2], names[::2]):
+        plain, leaning = (Evidence(equations, _terms(low)) for _ in range(2))
+        leaning.lean(leant, width)
+        for causes in (names[:1], names[:2], names[1:], names):
+            slabs = [width[c] for c in causes]
+            told = leaning.log_Z(tuple(causes), slabs)
+            assert told == pytest.approx(plain.log_Z(tuple(causes), slabs), abs=1e-8)
+            assert np.isfinite(told) == (low < 0.1 or names[1] not in causes)
+
+
+def test_an_evidence_goes_when_it_is_no_longer_held(equations: NormalEquations) -> None:
+    """Its matrices are large: none waits for the collector of cycles."""
+    gc.disable()
+    try:
+        evidence = Evidence(equations, _terms(0.0))
+        evidence.search()
+        gone = weakref.ref(evidence)
+        del evidence
+        assert gone() is None
+    finally:
+        gc.enable()
