@@ -1,4 +1,4 @@
-"""Light that met another surface first, over what the simulation has of it, and what its renderer does not draw:
+"""Light that met another surface first, over what the simulation has of it, and what its renderer does not draw.
 
 L' = L_direct + scale L_indirect + added L_undrawn
 """
