@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.left import LAMP, REFLECTED, SMOOTH
+from analysis.gap.radiance import weighted
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
@@ -198,9 +199,7 @@ def _indirect(s: State) -> np.ndarray | None:
 
 def _undrawn(s: State) -> np.ndarray | None:
     undrawn, weights = s.shown.undrawn, s.shown.weights(s.condition.scene)
-    parts = [
-        undrawn[name] * w.astype(np.float32) for name, w in weights.items() if name in undrawn and w.any()
-    ]
+    parts = [weighted(undrawn[n], w) for n, w in weights.items() if n in undrawn and w.any()]
     return s.per_radiance * s.channels(s.take(sum(parts[1:], parts[0]))) if parts else None
 
 

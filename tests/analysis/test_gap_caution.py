@@ -9,6 +9,10 @@ from scipy.stats import invgamma, norm, t
 
 from analysis.gap.calling import beside_left_over
 from analysis.gap.caution import (
+    ALIKE,
+    ALIKE_BY,
+    FOUND,
+    FOUND_BY,
     TAILS,
     Caution,
     agreement,
@@ -221,8 +225,8 @@ def test_agreement_is_the_ratio_of_what_conditions_show_under_both() -> None:
         return np.asarray((each * width).sum(axis=1))
 
     means = np.linspace(-4, 6, 2001)
-    there = under(0.12, 4.0, means).sum() * (means[1] - means[0])
-    assert agreement(s, n) == pytest.approx(np.log(there / under(1.0, 2.0, np.zeros(1))[0]), abs=1e-3)
+    there = under(ALIKE, ALIKE_BY, means).sum() * (means[1] - means[0])
+    assert agreement(s, n) == pytest.approx(np.log(there / under(FOUND, FOUND_BY, np.zeros(1))[0]), abs=1e-3)
     assert 2.0 < agreement(0.1, 2) < agreement(0.1, 7)
     assert agreement(0.6, 2) < 0 < agreement(0.2, 2)
 
