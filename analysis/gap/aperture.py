@@ -12,8 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from analysis.gap.evidence import Cause
-from analysis.gap.terms import Term
+from analysis.gap.terms import Cause, Term
 
 P0, V0 = 0.3, 0.12  # px²
 TOLD = 0.9  # of what a defocus keeps: what keeps less is told

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.evidence import Cause
 from analysis.gap.normal_equations import FLOOR, SIGNAL
 from analysis.gap.parallel import each
 from analysis.gap.radiance import Rendered, means
 from analysis.gap.reach import cropped
+from analysis.gap.terms import Cause
 from interchange.camera import Camera
 from interchange.problems import BrightfieldError
 

@@ -27,8 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, gammaln
 
-from analysis.gap.evidence import TAU, Cause, Evidence, Hypothesis
+from analysis.gap.evidence import TAU, Evidence, Hypothesis
 from analysis.gap.normal_equations import NormalEquations, total_of
+from analysis.gap.terms import Cause
 
 TAILS = 16.0  # degrees of freedom
 FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
@@ -109,8 +110,11 @@ def log_prior_of_kappa() -> tuple[np.ndarray, np.ndarray]:
 
 def wider(evidence: Evidence, declared: np.ndarray, cause: Cause) -> list[tuple[np.ndarray, float]]:
     """How many times wider than its spike each term of a cause may be because tolerances have tails, and the logarithm
-    of the probability; not where it is taken to be so wide already."""
+    of the probability; not where it is taken to be so wide already. What has no tolerance of its own (a relative spike,
+    analysis.gap.left) has no tails, nor what has no name: what is larger than that is an effect."""
     index = evidence.members[cause]
+    if not _calibrated(evidence, cause):
+        return []
     ratios = [
         (kappa * declared[index] / evidence.spike[index], float(share))
         for kappa, share in zip(*log_prior_of_kappa(), strict=True)
@@ -118,16 +122,21 @@ def wider(evidence: Evidence, declared: np.ndarray, cause: Cause) -> list[tuple[
     return [(ratio, share) for ratio, share in ratios if (ratio > 1).all()]
 
 
+def _calibrated(evidence: Evidence, cause: Cause) -> bool:
+    """Whether its numbers have tolerances, or a share of one."""
+    return not any(evidence.terms[i].generic or evidence.terms[i].relative for i in evidence.members[cause])
+
+
 def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) -> float:
-    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared: none of what has no
-    name, which no calibration speaks of."""
-    rest, slabs = _without(h, cause)
-    if evidence.terms[evidence.members[cause][0]].generic:
+    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared."""
+    if not _calibrated(evidence, cause):
         return 0.0
+    rest, slabs = _without(h, cause)
     none = evidence.at(rest, slabs)
     scores = [none.score]
     for ratio, share in wider(evidence, declared, cause):
         log_Z = evidence.log_Z(h.causes, h.slabs, {cause: ratio}) - evidence.chosen(rest)
+        log_Z += evidence.averaged(rest)
         scores.append(none.log_prior + log_Z / TAU + share)
     return float(expit(np.logaddexp.reduce(scores) - evidence.at(h.causes, h.slabs).score))
 

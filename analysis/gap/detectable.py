@@ -20,7 +20,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from analysis.gap.caution import wider
-from analysis.gap.evidence import Cause, Evidence
+from analysis.gap.evidence import Evidence
+from analysis.gap.terms import Cause
 
 SURE = 0.9
 MOST = 0.5  # rms over the signal: what would not show there is told as never
@@ -105,7 +106,7 @@ def _least(
 
     def shown(s: np.ndarray) -> np.ndarray:
         """(n,) bool at severities (n,)."""
-        for_it = (gain * s**2 - cost[:, None]).max(axis=0)
+        for_it = np.logaddexp.reduce(gain * s**2 - cost[:, None])
         against = np.vstack([np.zeros(len(s)), hidden * s**2 - spent[:, None]])
         return np.asarray(for_it - np.logaddexp.reduce(against) >= np.log(SURE / (1 - SURE)))
 

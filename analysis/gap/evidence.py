@@ -27,14 +27,14 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.prior import Prior
 from analysis.gap.subpixel_terms import is_path, paths
-from analysis.gap.terms import FORM, NUISANCE, Term
+from analysis.gap.terms import FORM, NUISANCE, Cause, Term
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
 FAR = 0.3  # the same, of what stands elsewhere: edges that are off by their width change an image by as much
 SLIGHT = 0.004  # the same, of effects that have a formula: what has a number for each place would be noise with that
 TAU = 1.0
-NONE, SINGLE, PAIR, TRIPLE = 0.5, 0.35, 0.12, 0.03  # prior of a number of causes
 TOP = 12  # causes that are tried in pairs with all others
 MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
@@ -42,7 +42,6 @@ ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
 FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
-Cause = tuple[str, str]
 Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is
 
 
@@ -135,6 +134,7 @@ class Evidence:
                 free = term.generic or term.family is not None
                 moves = term.kind in ("flow", "scene")
                 self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS, *[FAR] * moves)
+        self.prior = Prior({c: terms[i[0]].camera for c, i in self.members.items()})
         self.paths = {c: i for c, i in paths(self.terms).items() if self.seen[i].all()}
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
@@ -162,6 +162,7 @@ class Evidence:
         self.constant = 0.5 * equations.log_w - float(np.log(np.diag(factor[0])).sum())
         self._residuals: dict[frozenset[Cause], tuple[np.ndarray, np.ndarray, float]] = {}
         self.nothing = self.leant = Widened(self, {}, np.array([], int), np.array([]))
+        self._averaged: dict[Cause, float] = {}
         self.known: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Hypothesis] = {}
 
     def lacked(self, causes: Iterable[Cause]) -> frozenset[Cause]:
@@ -200,7 +201,7 @@ class Evidence:
         causes = tuple(causes)
         key = (causes, tuple(slabs))
         if key not in self.known:
-            log_Z = self.log_Z(causes, slabs) - self.chosen(causes)
+            log_Z = self.log_Z(causes, slabs) - self.chosen(causes) + self.averaged(causes)
             self.known[key] = Hypothesis(causes, tuple(slabs), log_Z, self.prior(causes))
         return self.known[key]
 
@@ -255,6 +256,15 @@ class Evidence:
     def chosen(self, causes: Iterable[Cause]) -> float:
         """What it costs that causes' widths, and the causes themselves, were chosen among several."""
         return float(sum(np.log(len(self.slabs[c]) * self.ways[c]) for c in causes))
+
+    def averaged(self, causes: Iterable[Cause]) -> float:
+        """What log Z averaged over widths is above that of the best, which was ``chosen``: as for each cause alone."""
+        for c in causes:
+            if c not in self._averaged:
+                found = np.array([self.log_Z((c,), (s,)) for s in self.slabs[c]])
+                best = found.max()
+                self._averaged[c] = float(np.log(np.exp(found - best).sum())) if np.isfinite(best) else 0.0
+        return sum(self._averaged[c] for c in causes)
 
     def alone(
         self, cause: Cause, slab: float, given: Given = MappingProxyType({})
@@ -315,14 +325,6 @@ class Evidence:
             k = int(np.argmax([h.log_Z for h in options]))
             slabs[i] = self.slabs[cause][k]
         return self.at(causes, slabs)
-
-    def prior(self, causes: tuple[Cause, ...]) -> float:
-        n, k = len(causes), max(len(self.members), 2)
-        mass = (NONE, SINGLE, PAIR, TRIPLE)[min(n, 3)] * 0.1 ** max(n - 3, 0)
-        ways = 1.0
-        for i in range(n):
-            ways *= (k - i) / (i + 1)
-        return float(np.log(mass / max(ways, 1.0)))
 
     def search(self) -> list[Hypothesis]:
         """None, singles, pairs of the best with all; then the best one changed by one cause as long as that helps,

@@ -14,7 +14,7 @@ from analysis.gap.aperture import without_apertures
 from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, thetas_without
 from analysis.gap.conditions import Condition
-from analysis.gap.evidence import Cause, Evidence, Hypothesis, posterior
+from analysis.gap.evidence import Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -30,7 +30,7 @@ from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares
 from analysis.gap.search import Search, Stand, Told
-from analysis.gap.terms import Term
+from analysis.gap.terms import Cause, Term
 from interchange.captures import Tolerances
 
 Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]

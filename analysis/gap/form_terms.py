@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from analysis.gap.evidence import Cause
 from analysis.gap.state import State
-from analysis.gap.terms import FORM, Field, Term
+from analysis.gap.terms import FORM, Cause, Field, Term
 
 SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
 OWN = 0.1  # and pixel by pixel

@@ -7,10 +7,11 @@ them.
 import numpy as np
 
 from analysis.gap import lens_flow
-from analysis.gap.evidence import Cause, Evidence, Hypothesis
+from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import total_of
 from analysis.gap.search import FOLLOWED, Search, Stand
+from analysis.gap.terms import Cause
 
 ROUNDS = 3
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise

@@ -14,13 +14,13 @@ import numpy as np
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.evidence import Cause
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.model import Model
 from analysis.gap.parallel import each
 from analysis.gap.rehearsal import SUREST, Rehearsal, Rehearsed
 from analysis.gap.search import Search
+from analysis.gap.terms import Cause
 from interchange.captures import Tolerances
 
 WITHOUT = 4  # one case in so many has no effect

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.gap.approach import approaches
 from analysis.gap.conditions import Condition
-from analysis.gap.evidence import Cause, Evidence, Hypothesis
+from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
@@ -21,7 +21,7 @@ from analysis.gap.radiance import Changes
 from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.subpixel_terms import straight
-from analysis.gap.terms import NUISANCE, Term, added
+from analysis.gap.terms import NUISANCE, Cause, Term, added
 from interchange.problems import BrightfieldError
 
 Told = Callable[[str, float], None]

@@ -14,6 +14,7 @@ from analysis.gap.state import State
 NUISANCE = "calibration"  # terms of this cause are never wide
 FORM = "form"  # nor these: how an effect may differ from its formula
 
+Cause = tuple[str, str]  # an effect or a family, and what it is of
 Field = Callable[[State], np.ndarray | None]
 Flow = Callable[[State], tuple[np.ndarray, np.ndarray] | None]
 Cells = Callable[[State], tuple[np.ndarray, np.ndarray, np.ndarray] | None]
@@ -73,7 +74,7 @@ class Term:
         return self.cause, self.target, self.parameter
 
     @property
-    def candidate(self) -> tuple[str, str]:
+    def candidate(self) -> Cause:
         return self.cause, self.target
 
     def shown(self, state: State) -> bool:
