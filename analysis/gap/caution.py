@@ -51,12 +51,14 @@ SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 class Caution:
     """Of a cause: the probability that it is an error of the calibration, a larger one than was declared; and
     ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
-    not tell), with what probability that leaves it at ``most``, and with what it leaves that it is ``something``."""
+    not tell), ``chance``, the same by noise and tolerances alone, with what probability that leaves it at ``most``, and
+    with what it leaves that it is ``something``."""
 
     tail: float
     spread: float
     most: float
     something: float = 1.0
+    chance: float = 0.0
 
     def of(self, probability: float) -> float:
         return min(probability * (1 - self.tail), self.most)
@@ -68,25 +70,26 @@ def cautions(
     h: Hypothesis,
     plain: Evidence,
     parts: Sequence[NormalEquations],
-    left_out: np.ndarray,
+    left_out: "LeftOut",
 ) -> dict[Cause, Caution]:
     """Of the causes of ``h``. ``evidence``: that of its stand, ``declared`` (q,): spikes as declared. ``plain``: the
-    same without the doubt of forms, of ``parts``, one a condition; ``left_out`` (n, q): θ without each."""
+    same without the doubt of forms, of ``parts``, one a condition, which are ``left_out`` in turn."""
     out = {}
     for c in h.causes:
-        s, n = spread(plain, h, c, parts, left_out)
-        ratio = agreement(s, n) if np.isfinite(s) else np.inf
-        out[c] = Caution(tail(evidence, declared, h, c), s, float(expit(ratio - LIKELY)), float(expit(ratio)))
+        s, by_chance, n = spread(plain, h, c, parts, left_out)
+        ratio = agreement(s, n, by_chance) if np.isfinite(s) else np.inf
+        most, something = float(expit(ratio - LIKELY)), float(expit(ratio))
+        out[c] = Caution(tail(evidence, declared, h, c), s, most, something, by_chance)
     return out
 
 
-def agreement(s: float, n: int) -> float:
+def agreement(s: float, n: int, by_chance: float = 0.0) -> float:
     """Log of how much likelier n conditions' amounts, whose mean has the relative standard deviation s, are where the
-    effect is there than where errors look like it."""
-    squares = n * (n - 1) * s**2
+    effect is there than where errors look like it; ``by_chance``: s as noise and tolerances alone would have it."""
+    squares, more = n * (n - 1) * s**2, n * by_chance**2
 
     def log_density(about: float, free: int, scale: float, by: float) -> float:
-        prior = by * scale**2
+        prior = by * (scale**2 + more)
         known = gammaln((by + free) / 2) - gammaln(by / 2) + 0.5 * by * np.log(prior)
         return float(known - 0.5 * (by + free) * np.log(prior + about) - 0.5 * free * np.log(np.pi))
 
@@ -141,29 +144,52 @@ def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) 
     return float(expit(np.logaddexp.reduce(scores) - evidence.at(h.causes, h.slabs).score))
 
 
-def thetas_without(evidence: Evidence, h: Hypothesis, parts: Sequence[NormalEquations]) -> np.ndarray:
-    """(n, q): θ under ``h`` without one condition after the other; without rows where fewer than ``FEWEST`` tell.
-    Families of terms that ``h`` does not have stay at nothing."""
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """A hypothesis without one condition after the other: ``theta`` (n, q), no row where fewer than ``FEWEST`` tell;
+    ``rests``, the evidence of each, of the terms ``kept`` alone, as ``whole`` is that of all conditions."""
+
+    theta: np.ndarray
+    rests: tuple[Evidence, ...] = ()
+    whole: Evidence | None = None
+    kept: np.ndarray | None = None
+
+    def chance(self, h: Hypothesis, direction: np.ndarray) -> float:
+        """Variance of ``direction``' θ, (q,), as the jackknife tells it where the model holds: less data have a mean
+        that is off by the difference of both variances."""
+        if self.whole is None or self.kept is None:
+            return 0.0
+        x = direction[self.kept]
+        all_of_it = self.whole.variance(h, x)
+        more = sum(max(rest.variance(h, x) - all_of_it, 0.0) for rest in self.rests)
+        return more * (len(self.rests) - 1) / len(self.rests)
+
+
+def without_each(evidence: Evidence, h: Hypothesis, parts: Sequence[NormalEquations]) -> LeftOut:
+    """Families of terms that ``h`` does not have stay at nothing."""
     wide = {i for c in h.causes for i in evidence.members[c]}
     kept = np.array([i for i, t in enumerate(evidence.terms) if t.family is None or i in wide])
-    terms = [evidence.terms[i] for i in kept]
+    terms, spikes = [evidence.terms[i] for i in kept], evidence.spike[kept]
     own = [p.of(kept) for p in parts]
-    found = []
+    found, rests = [], []
     for k in range(len(own)) if len(own) >= FEWEST else ():
         others = total_of([p for i, p in enumerate(own) if i != k])
-        rest = Evidence(others, terms, spikes=evidence.spike[kept])
+        rest = Evidence(others, terms, spikes=spikes)
         if all(c in rest.members for c in h.causes):
             theta = np.zeros(len(evidence.terms))
             theta[kept] = rest.theta(h)
             found.append(theta)
-    return np.array(found) if len(found) >= FEWEST else np.zeros((0, len(evidence.terms)))
+            rests.append(rest)
+    if len(found) < FEWEST:
+        return LeftOut(np.zeros((0, len(evidence.terms))))
+    return LeftOut(np.array(found), tuple(rests), Evidence(total_of(own), terms, spikes=spikes), kept)
 
 
 def spread(
-    plain: Evidence, h: Hypothesis, cause: Cause, parts: Sequence[NormalEquations], left_out: np.ndarray
-) -> tuple[float, int]:
-    """One standard deviation of how much of a cause there is, relative, and the conditions that show it; nan where
-    they do not tell: of what has a number for each place, and what one condition alone shows."""
+    plain: Evidence, h: Hypothesis, cause: Cause, parts: Sequence[NormalEquations], left_out: LeftOut
+) -> tuple[float, float, int]:
+    """One standard deviation of how much of a cause there is, relative, the same by chance, and the conditions that
+    show it; nan where they do not tell: of what has a number for each place, and what one condition alone shows."""
     index = plain.members[cause]
     theta = plain.theta(h)[index]
 
@@ -172,10 +198,13 @@ def spread(
 
     shown = np.array([energy(p) for p in parts])
     n = int((shown > SHOWS * shown.max()).sum())
-    if plain.terms[index[0]].family is not None or n < 2 or not len(left_out):
-        return np.nan, n
-    beta = left_out[:, index] @ plain.e.G[np.ix_(index, index)] @ theta / energy(plain.e)
-    return float(np.sqrt(beta.var() * (len(beta) - 1))), n
+    if plain.terms[index[0]].family is not None or n < 2 or not len(left_out.theta):
+        return np.nan, 0.0, n
+    along = np.zeros(len(plain.terms))
+    along[index] = plain.e.G[np.ix_(index, index)] @ theta / energy(plain.e)
+    beta = left_out.theta @ along
+    s = float(np.sqrt(beta.var() * (len(beta) - 1)))
+    return s, float(np.sqrt(left_out.chance(h, along))), n
 
 
 def left_over(evidence: Evidence, h: Hypothesis) -> tuple[float, float]:

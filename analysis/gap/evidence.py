@@ -144,9 +144,8 @@ class Evidence:
             together[index] = np.linalg.norm(share[index]) if cell else share[index] * root
         self.together = together
         # what calibration leaves is told where a term shows: one capture's gain is as far off where there are many
-        own = np.where(
-            self.seen, np.maximum(equations.own_share, 1e-12), 1.0
-        )  # what is not seen stays where it is
+        # and what is not seen stays where it is
+        own = np.where(self.seen, np.maximum(equations.own_share, 1e-12), 1.0)
         for index in self.members.values():
             if terms[index[0]].family is not None:
                 own[index] = np.linalg.norm(own[index])
@@ -293,22 +292,28 @@ class Evidence:
         left = self.e.rr - 2 * theta @ self.e.b + theta @ self.e.G @ theta
         return float(left) / max(self.e.count, 1e-30)
 
+    def _inner(self, h: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
+        """The wide terms (m,), and Δ⁻¹ + U'CU (m, m)."""
+        wide, ratio = self._wide(h.causes, h.slabs)
+        return wide, np.diag(1 / (ratio**-2 - 1.0)) + self.C[np.ix_(wide, wide)]
+
     def sigma(self, h: Hypothesis) -> np.ndarray:
         """(q,): standard deviation of every term under a hypothesis."""
-        variance = np.diag(self.C).copy()
-        if h.causes:
-            wide, ratio = self._wide(h.causes, h.slabs)
-            inner = np.linalg.inv(np.diag(1 / (ratio**-2 - 1.0)) + self.C[np.ix_(wide, wide)])
-            variance -= np.einsum("ij,jk,ik->i", self.C[:, wide], inner, self.C[:, wide])
-        return np.asarray(self.spike * np.sqrt(np.maximum(variance, 0)))
+        wide, inner = self._inner(h)
+        gone = np.einsum("ij,jk,ik->i", self.C[:, wide], np.linalg.inv(inner), self.C[:, wide])
+        return np.asarray(self.spike * np.sqrt(np.maximum(np.diag(self.C) - gone, 0)))
+
+    def variance(self, h: Hypothesis, along: np.ndarray) -> float:
+        """Of ``along``' θ, (q,)."""
+        wide, inner = self._inner(h)
+        x = along * self.spike
+        z = self.C[wide] @ x
+        return float(x @ self.C @ x - z @ np.linalg.solve(inner, z))
 
     def given(self, h: Hypothesis, i: int) -> np.ndarray:
         """(q,): by how much the posterior mean of every term goes along where term ``i`` is known to be 1 more."""
-        column = self.C[:, i].copy()
-        if h.causes:
-            wide, ratio = self._wide(h.causes, h.slabs)
-            inner = np.diag(1 / (ratio**-2 - 1.0)) + self.C[np.ix_(wide, wide)]
-            column -= self.C[:, wide] @ np.linalg.solve(inner, self.C[wide, i])
+        wide, inner = self._inner(h)
+        column = self.C[:, i] - self.C[:, wide] @ np.linalg.solve(inner, self.C[wide, i])
         return np.asarray(self.spike * column / (self.spike[i] * column[i]))
 
     def best(self, causes: Iterable[Cause], wide: dict[Cause, float]) -> Hypothesis:

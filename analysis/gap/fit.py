@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.gap.aperture import without_apertures
 from analysis.gap.camera_terms import camera_terms
-from analysis.gap.caution import Caution, cautions, left_over, thetas_without
+from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis, posterior
 from analysis.gap.generic_terms import generic_terms
@@ -189,7 +189,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
         before = replace(after, theta=np.where(cause, 0.0, theta), at=still)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
-    left_out = thetas_without(evidence, best, parts)
+    left_out = without_each(evidence, best, parts)
     declared = search.widths.declared_at(stand.evidence.spike)
     careful = cautions(stand.evidence, declared, best, evidence, parts, left_out)
     probability |= {c: caution.of(probability.get(c, 0.0)) for c, caution in careful.items()}
@@ -205,7 +205,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
         parts,
         doubted,
         declared[:q],
-        left_out,
+        left_out.theta,
         careful,
         partial(numbers, search, stand),
         left_over(stand.evidence, best),

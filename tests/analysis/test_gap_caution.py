@@ -15,13 +15,14 @@ from analysis.gap.caution import (
     FOUND_BY,
     TAILS,
     Caution,
+    LeftOut,
     agreement,
     cautions,
     left_over,
     log_prior_of_kappa,
     spread,
     tail,
-    thetas_without,
+    without_each,
 )
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.findings import cautious, what_is_unknown
@@ -139,9 +140,37 @@ def test_how_much_conditions_differ_is_the_jackknifes() -> None:
     amounts = [0.02, 0.03, 0.05, 0.02, 0.04, 0.03]
     parts = _conditions(amounts)
     evidence, h = _found(parts)
-    s, n = spread(evidence, h, A, parts, thetas_without(evidence, h, parts))
+    s, _, n = spread(evidence, h, A, parts, without_each(evidence, h, parts))
     assert n == 6
     assert s == pytest.approx(np.std(amounts, ddof=1) / np.sqrt(6) / np.mean(amounts), rel=0.1)
+
+
+def test_how_much_they_differ_by_chance_is_what_noise_makes_them_differ() -> None:
+    """σ / √6 of conditions that have noise alone, in closed form and over draws; what is seen has the same χ²."""
+    rng = np.random.default_rng(8)
+    X = rng.standard_normal((2, PIXELS)) / NOISE
+    theta, sigma = 0.02, NOISE / np.sqrt(PIXELS)
+    squares, told = [], []
+    for _ in range(200):
+        parts = [_part(X, theta * X[0] + rng.standard_normal(PIXELS)) for _ in range(6)]
+        evidence, h = _found(parts)
+        s, by_chance, _ = spread(evidence, h, A, parts, without_each(evidence, h, parts))
+        squares.append(s**2)
+        told.append(by_chance)
+    assert np.mean(told) == pytest.approx(sigma / np.sqrt(6) / theta, rel=0.05)
+    assert np.mean(squares) == pytest.approx(np.mean(np.square(told)), rel=0.15)  # 1000 squares: 4 %
+
+
+def test_a_tolerance_that_conditions_share_makes_none_of_them_differ() -> None:
+    """Two columns alike, one of them within its tolerance: what is taken from the effect is taken in all conditions."""
+    rng = np.random.default_rng(9)
+    X = rng.standard_normal((2, PIXELS)) / NOISE
+    X[1] = X[0] + 0.01 * X[1]
+    parts = [_part(X, 0.05 * X[0] + rng.standard_normal(PIXELS)) for _ in range(6)]
+    evidence, h = _found(parts)
+    _, by_chance, _ = spread(evidence, h, A, parts, without_each(evidence, h, parts))
+    own = evidence.sigma(h)[0] / evidence.theta(h)[0]
+    assert by_chance < own / 3
 
 
 def test_what_one_condition_alone_has_is_not_called() -> None:
@@ -150,7 +179,7 @@ def test_what_one_condition_alone_has_is_not_called() -> None:
         parts = _conditions(amounts)
         evidence, h = _found(parts)
         assert h.score - evidence.at((), ()).score > 100
-        without = thetas_without(evidence, h, parts)
+        without = without_each(evidence, h, parts)
         caution = cautions(evidence, evidence.spike, h, evidence, parts, without)[A]
         assert (caution.of(1.0) > 0.99) == called
         assert (caution.of(1.0) < 0.5) == (not called)
@@ -160,13 +189,13 @@ def test_what_one_condition_alone_has_is_not_called() -> None:
 def test_few_conditions_and_places_do_not_tell() -> None:
     parts = _conditions([0.3, 0.1])
     evidence, h = _found(parts)
-    assert thetas_without(evidence, h, parts).shape == (0, 2)
-    caution = cautions(evidence, evidence.spike, h, evidence, parts, np.zeros((0, 2)))[A]
+    assert without_each(evidence, h, parts).theta.shape == (0, 2)
+    caution = cautions(evidence, evidence.spike, h, evidence, parts, LeftOut(np.zeros((0, 2))))[A]
     assert np.isnan(caution.spread)
     assert caution.most == 1
     parts = _conditions([0.3, 0.1, 0.2])
     cells = Evidence(total_of(parts), [_term("a", family=Family(lambda s: None, ("here",))), _term("b")])
-    s, _ = spread(cells, h, A, parts, thetas_without(cells, h, parts))
+    s, _, _ = spread(cells, h, A, parts, without_each(cells, h, parts))
     assert np.isnan(s)
 
 
@@ -218,13 +247,14 @@ def test_what_conditions_do_not_agree_on_is_unknown_where_something_is_left(
 def test_that_there_is_something_is_no_surer_than_conditions_make_it() -> None:
     parts = _conditions([0.3, -0.2, 0.4, 0.1, -0.3, 0.2])
     evidence, h = _found(parts)
-    caution = cautions(evidence, evidence.spike, h, evidence, parts, thetas_without(evidence, h, parts))[A]
-    odds = np.exp(agreement(caution.spread, 6))
+    caution = cautions(evidence, evidence.spike, h, evidence, parts, without_each(evidence, h, parts))[A]
+    odds = np.exp(agreement(caution.spread, 6, caution.chance))
     assert caution.something == pytest.approx(odds / (1 + odds))
     assert caution.most < caution.something < 0.1
 
 
-def test_agreement_is_the_ratio_of_what_conditions_show_under_both() -> None:
+@pytest.mark.parametrize("by_chance", [0.0, 0.2])
+def test_agreement_is_the_ratio_of_what_conditions_show_under_both(by_chance: float) -> None:
     """By integrating over widths and the amount, numerically; two conditions that agree tell less than seven."""
     amounts = np.array([0.9, 1.3, 0.8])
     n, s = 3, float(amounts.std(ddof=1) / np.sqrt(3))
@@ -232,15 +262,19 @@ def test_agreement_is_the_ratio_of_what_conditions_show_under_both() -> None:
     step = np.log(sigma[1] / sigma[0])
 
     def under(scale: float, by: float, means: np.ndarray) -> np.ndarray:
+        scale = np.hypot(scale, by_chance * np.sqrt(n))
         width = invgamma.pdf(sigma**2, by / 2, scale=by * scale**2 / 2) * 2 * sigma**2 * step
         each = norm.pdf(amounts[:, None, None], means[None, :, None], sigma[None, None, :]).prod(axis=0)
         return np.asarray((each * width).sum(axis=1))
 
     means = np.linspace(-4, 6, 2001)
     there = under(ALIKE, ALIKE_BY, means).sum() * (means[1] - means[0])
-    assert agreement(s, n) == pytest.approx(np.log(there / under(FOUND, FOUND_BY, np.zeros(1))[0]), abs=1e-3)
+    assert agreement(s, n, by_chance) == pytest.approx(
+        np.log(there / under(FOUND, FOUND_BY, np.zeros(1))[0]), abs=1e-3
+    )
     assert 2.0 < agreement(0.1, 2) < agreement(0.1, 7)
     assert agreement(0.6, 2) < 0 < agreement(0.2, 2)
+    assert agreement(0.25, 9) < 0 < 3 < agreement(0.25, 9, 0.2)  # a weak effect is as uncertain as that
 
 
 def test_what_is_called_needs_no_caution() -> None:
