@@ -11,10 +11,12 @@ import numpy as np
 
 from analysis.gap.chain_terms import (
     SHARED,
+    VIBRATION,
     black_levels,
     chain_terms,
     dark_current,
     dark_shading,
+    differ,
     shutter_delay,
 )
 from analysis.gap.conditions import Condition
@@ -42,12 +44,13 @@ def camera_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
         return [*shared, *black_levels(conditions, tolerances), *more]
     own = []
     for name in _names(conditions):
-        seen = _brightest([c for c in conditions if c.camera.name == name])
+        its = [c for c in conditions if c.camera.name == name]
+        seen, exposures = _brightest(its), {c.camera.t_exp for c in its}
         alike = seen.mean.shape[2] == bright.mean.shape[2] and all(
             _start(t, seen.camera) == t.start for t in shared
         )  # then they are drawn once
-        found = [t for t in shared if not t.target] if alike else chain_terms(State(seen), tolerances)
-        own += of_one(found, name)
+        found = shared if alike else chain_terms(State(seen), tolerances, exposures)
+        own += of_one([t for t in found if t.target != VIBRATION or differ(exposures)], name)
     return [*of_all(shared), *own, *more]
 
 
@@ -61,7 +64,12 @@ def of_all(terms: Sequence[Term]) -> list[Term]:
 
 def of_one(terms: Sequence[Term], camera: str) -> list[Term]:
     return [
-        replace(t, target=camera, camera=camera, spike=t.spike * (OWN / SHARED if t.cause in SUMMED else OWN))
+        replace(
+            t,
+            target=f"{camera}, {t.target}" if t.target else camera,
+            camera=camera,
+            spike=t.spike * (OWN / SHARED if t.cause in SUMMED else OWN),
+        )
         for t in terms
     ]
 

@@ -2,17 +2,18 @@
 
 **Tolerances have tails.** A number of the calibration may be κ times as far off as is declared: κ² has the inverse
 gamma distribution with which errors follow Student's t with ``TAILS`` degrees of freedom. An effect is held against
-that, all else staying as it is.
+that, all else staying as it is; not where no tolerance speaks of it.
 
 **What is there is there in every condition.** Pixels share errors that log Z takes for independent ones; conditions
 share fewer. How much there is of an effect, θ, is told without one condition after the other: with β the part of it
 that the others show and s the jackknife's standard deviation of β, n conditions have amounts whose squares add up to
 n about zero (in units of their mean) and n (n - 1) s² about that. Where the effect is there they are normal around one
-amount, and differ by ``ALIKE`` of it, more or less; where errors that pixels share look like it, around none, and
-differ by about as much as was found. No effect is surer than the ratio of the two makes it (both widths unknown, with
-inverse gamma distributions), such errors being e^``LIKELY`` times as likely as an effect beforehand; that there is
-anything at all, an effect or something without a name, is no surer than the ratio, unless more is left without it
-than was to be expected.
+amount, and differ by ``ALIKE`` of it, more or less, and by chance; where errors that pixels share look like it, around
+none, and differ by about as much as was found, and by chance. No effect is surer than the ratio of the two makes it
+(both widths unknown, with inverse gamma distributions), such errors being e^``LIKELY`` times as likely as an effect
+beforehand; that there is anything at all, an effect or something without a name, is no surer than the ratio, unless
+more is left without it than was to be expected. Chance is noise and tolerances: by them θ without a condition is off
+from θ by the difference of both variances.
 
 **What is left is told.** Noise, the renderer and edges are known to ``KNOWN``: a residual that is larger has a cause,
 whatever it is. Log Z compares hypotheses with each other and does not see it.
@@ -33,10 +34,10 @@ from analysis.gap.terms import Cause
 
 TAILS = 16.0  # degrees of freedom
 FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
-# how far conditions' amounts differ where an effect is there, over the amount, and its degrees of freedom: of 21 true
-# ones of opened blind cases 0.05 in the middle, 0.2 to 0.3 of one in five; of errors that look like one, over what was
-# found
-ALIKE, ALIKE_BY = 0.1, 4.0
+# how far conditions' amounts differ where an effect is there, beyond chance, over the amount, and its degrees of
+# freedom: of a dozen true ones of opened blind cases 0.04 or less in the middle, a few tenths of one in five; of errors
+# that look like one, over what was found
+ALIKE, ALIKE_BY = 0.07, 4.0
 FOUND, FOUND_BY = 1.0, 2.0
 LIKELY = 2.0
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not

@@ -67,7 +67,7 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
     for name in (n for n in NAMED if n in MODELS):
         model = MODELS[name]
         found = []
-        steady = ("", VIBRATION) if name == "motion_blur" and _differ(exposures) else ("",)
+        steady = ("", VIBRATION) if name == "motion_blur" and differ(exposures) else ("",)
         for parameter, about, target in ((*x, t) for t in steady for x in parameters(model).items()):
             if (name, parameter) in REDUNDANT:
                 continue
@@ -111,7 +111,7 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
     return terms
 
 
-def _differ(exposures: Collection[float]) -> bool:
+def differ(exposures: Collection[float]) -> bool:
     return bool(exposures) and max(exposures) > EVENLY * min(exposures)
 
 

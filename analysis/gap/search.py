@@ -107,19 +107,19 @@ class Search:
         return Model(self.terms, theta, at, self.knots)
 
     def registered(self) -> np.ndarray:
-        """(q,): where the terms that move the image stand, with no cause at all: edges that are off by a part of a
-        pixel would forge every effect that changes edges."""
+        """(q,): where the terms that move the image stand, with no cause at all (but light that the renderer does not
+        draw, if any): edges that are off by a part of a pixel would forge every effect that changes edges."""
         at = np.zeros(self.q)
-        own = [
-            i for i, t in enumerate(self.terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
-        ]
+        undrawn = {i for i, t in enumerate(self.terms) if t.kind == "reflected"}
+        own = sorted(self.registering | undrawn)
         terms = [self.terms[i] for i in own]
         for k in range(REGISTRATIONS):
             parts, _ = self.linearised(self.model(at, at), terms, at[own])
             if not parts:
                 break
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
-            theta = there.theta(there.at((), ()))
+            added = {self.terms[i].candidate for i in undrawn} & set(there.members)
+            theta = there.theta(there.best(added, {}))
             at = np.zeros(self.q)
             for i, x in zip(own, theta, strict=True):
                 at[i] = x if self.terms[i].kind == "flow" else 0.0

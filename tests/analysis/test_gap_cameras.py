@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.camera_terms import OWN, camera_terms
-from analysis.gap.chain_terms import SHARED, chain_terms, effects_at
+from analysis.gap.chain_terms import SHARED, VIBRATION, chain_terms, effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.diagnosis import Finding, names
@@ -80,6 +80,20 @@ def test_the_corrected_scene_has_it_on_that_camera(found: list[Condition]) -> No
     for target, want in ((RIGHT, (0.0, -0.2)), ("", (-0.2, -0.2))):
         new = changed(scene, scene, Change("vignetting", target, {"a2": -0.2}, {"a2": 0.0}))
         assert [c.lens.vignetting[0] for c in new.cameras] == pytest.approx(want)
+
+
+def test_a_camera_alone_vibrates_where_its_exposures_tell_that_from_a_motion(found: list[Condition]) -> None:
+    first = found[0]
+    short = replace(first, camera=replace(first.camera, t_exp=0.5 * first.camera.t_exp))
+    terms = lens(camera_terms([short, *found[1:]], Tolerances()))
+    own = f"{LEFT}, {VIBRATION}"
+    assert ("motion_blur", own, "u") in terms
+    assert ("motion_blur", f"{RIGHT}, {VIBRATION}", "u") not in terms
+    assert terms["motion_blur", own, "u"].form
+    at = {("motion_blur", own, "u"): 1.0}
+    (effect,) = effects_at(list(terms.values()), at, State(short))
+    assert (effect.u, effect.v) == (1.0, 0.0)  # of the whole path, in half of the exposure
+    assert effects_at(list(terms.values()), at, State(found[-1])) == []
 
 
 @pytest.mark.parametrize(
