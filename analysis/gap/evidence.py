@@ -161,7 +161,7 @@ class Evidence:
         self.constant = 0.5 * equations.log_w - float(np.log(np.diag(factor[0])).sum())
         self._residuals: dict[frozenset[Cause], tuple[np.ndarray, np.ndarray, float]] = {}
         self.nothing = self.leant = Widened(self, {}, np.array([], int), np.array([]))
-        self._averaged: dict[Cause, float] = {}
+        self._averaged: dict[tuple[Cause, frozenset[Cause]], float] = {}
         self.known: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Hypothesis] = {}
 
     def lacked(self, causes: Iterable[Cause]) -> frozenset[Cause]:
@@ -205,12 +205,17 @@ class Evidence:
         return self.known[key]
 
     def log_Z(
-        self, causes: tuple[Cause, ...], slabs: Sequence[float], given: Given = MappingProxyType({})
+        self,
+        causes: tuple[Cause, ...],
+        slabs: Sequence[float],
+        given: Given = MappingProxyType({}),
+        absent: frozenset[Cause] | None = None,
     ) -> float:
-        """With a slab for each cause, or its terms as many times wider than their spikes as ``given``."""
+        """With a slab for each cause, or its terms as many times wider than their spikes as ``given``; ``absent``: the
+        causes in force whose bends are charged, if not those that it lacks."""
         base, rest, own = self._nearest(causes, slabs, given)
         wide, ratio = self._wide(rest, own, given)
-        z, log_Z = base.standing(self.lacked(causes))
+        z, log_Z = base.standing(self.lacked(causes) if absent is None else absent)
         inside = base.C(wide, wide)
         solved, log_det = _solved(inside, z[wide], ratio)
         log_Z += -0.5 * float(z[wide] @ solved) - 0.5 * log_det - float(np.log(ratio).sum())
@@ -256,14 +261,16 @@ class Evidence:
         """What it costs that causes' widths, and the causes themselves, were chosen among several."""
         return float(sum(np.log(len(self.slabs[c]) * self.ways[c]) for c in causes))
 
-    def averaged(self, causes: Iterable[Cause]) -> float:
-        """What log Z averaged over widths is above that of the best, which was ``chosen``: as for each cause alone."""
-        for c in causes:
-            if c not in self._averaged:
-                found = np.array([self.log_Z((c,), (s,)) for s in self.slabs[c]])
-                best = found.max()
-                self._averaged[c] = float(np.log(np.exp(found - best).sum())) if np.isfinite(best) else 0.0
-        return sum(self._averaged[c] for c in causes)
+    def averaged(self, causes: Sequence[Cause]) -> float:
+        """What log Z averaged over widths is above that of the best, which was ``chosen``: as for each cause alone,
+        what the hypothesis lacks being lacking."""
+        absent = self.lacked(causes)
+        for key in [(c, absent) for c in causes if (c, absent) not in self._averaged]:
+            c = key[0]
+            found = np.array([self.log_Z((c,), (s,), absent=absent) for s in self.slabs[c]])
+            best = found.max()
+            self._averaged[key] = float(np.log(np.exp(found - best).sum())) if np.isfinite(best) else 0.0
+        return sum(self._averaged[c, absent] for c in causes)
 
     def alone(
         self, cause: Cause, slab: float, given: Given = MappingProxyType({})
@@ -386,15 +393,3 @@ class Evidence:
 
 def _best(hypotheses: Iterable[Hypothesis | None]) -> Hypothesis | None:
     return max((h for h in hypotheses if h is not None), key=lambda h: h.score, default=None)
-
-
-def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:
-    """Probability of each cause: of all hypotheses that have it."""
-    score = np.array([h.score for h in hypotheses])
-    p = np.exp(score - score.max())
-    p /= p.sum()
-    out: dict[Cause, float] = {}
-    for h, share in zip(hypotheses, p, strict=True):
-        for cause in h.causes:
-            out[cause] = out.get(cause, 0.0) + float(share)
-    return out

@@ -14,7 +14,7 @@ from analysis.gap.aperture import without_apertures
 from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.conditions import Condition
-from analysis.gap.evidence import Evidence, Hypothesis, posterior
+from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -210,6 +210,18 @@ def _fit(search: Search, stand: Stand) -> Fit:
         partial(numbers, search, stand),
         left_over(stand.evidence, best),
     )
+
+
+def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:
+    """Probability of each cause: of all hypotheses that have it."""
+    score = np.array([h.score for h in hypotheses])
+    p = np.exp(score - score.max())
+    p /= p.sum()
+    out: dict[Cause, float] = {}
+    for h, share in zip(hypotheses, p, strict=True):
+        for cause in h.causes:
+            out[cause] = out.get(cause, 0.0) + float(share)
+    return out
 
 
 def believed(

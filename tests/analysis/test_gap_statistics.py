@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from analysis.gap.evidence import SLABS, Evidence, posterior
-from analysis.gap.fit import believed
+from analysis.gap.evidence import SLABS, Evidence
+from analysis.gap.fit import believed, posterior
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import Bends, NormalEquations
 from analysis.gap.regions import ZONES, zones
@@ -43,6 +43,7 @@ def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
     wide = {i: max(part[i] * slab / share[i] / np.sqrt(2 if i < 2 else 1), 0.02) for i in range(3)}
     both = evidence.at((("a", ""), ("b", "")), (slab, slab))
     expected = dense(wide) - dense({}) - 2 * np.log(len(SLABS) + 1)  # and the slight one
+    expected += evidence.averaged(both.causes)  # over widths: tests/analysis/test_gap_prior.py
     assert both.log_Z - none.log_Z == pytest.approx(expected, abs=1e-8)
     A = X.T @ X + np.diag([1 / wide.get(i, 0.01) ** 2 for i in range(5)])
     assert evidence.theta(both) == pytest.approx(np.linalg.solve(A, X.T @ y), abs=1e-10)
