@@ -35,8 +35,8 @@ from analysis.gap.terms import Cause
 TAILS = 16.0  # degrees of freedom
 FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
 # how far conditions' amounts differ where an effect is there, beyond chance, over the amount, and its degrees of
-# freedom: of a dozen true ones of opened blind cases 0.04 or less in the middle, a few tenths of one in five; of errors
-# that look like one, over what was found
+# freedom: of a dozen true ones of opened blind cases less than 0.04 but for three, 0.1, 0.6 and 1.1; of errors that
+# look like one, over what was found
 ALIKE, ALIKE_BY = 0.07, 4.0
 FOUND, FOUND_BY = 1.0, 2.0
 LIKELY = 2.0
