@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from imgui_bundle import imgui
+
 from composer.editor.window.app import App
 from composer.editor.window.places import PLACES, Rect
 from interchange.problems import BrightfieldError
@@ -99,17 +101,26 @@ class Robot:
         subprocess.run(["xdotool", *(str(w) for w in words)], check=True, stdout=subprocess.DEVNULL)
 
     def move(self, x: float, y: float) -> None:
-        self.tool("mousemove", round(x), round(y))
+        """Until the window has seen it: the screen hands events on when it comes to it, not between two frames."""
+        goal = (round(x), round(y))
+        self.tool("mousemove", *goal)
+        self.wait(f"The pointer at {goal}", lambda: tuple(imgui.get_io().mouse_pos) == goal)
         self.frames(1)
+
+    def hold(self, down: bool, button: int = 1) -> None:
+        """Press a button, or let it go, until the window has seen it."""
+        self.tool("mousedown" if down else "mouseup", button)
+        index = {1: 0, 2: 2, 3: 1}[button]  # the screen counts left, middle, right, the toolkit left, right, middle
+        self.wait(f"Button {button}", lambda: imgui.is_mouse_down(index) == down)
 
     def click(self, name: str, button: int = 1) -> None:
         self.move(*self.middle(name))
         self.press(button)
 
     def press(self, button: int = 1) -> None:
-        self.tool("mousedown", button)
+        self.hold(True, button)
         self.frames(1)
-        self.tool("mouseup", button)
+        self.hold(False, button)
         self.frames(2)
 
     def scroll(self, steps: int) -> None:
@@ -127,14 +138,14 @@ class Robot:
     ) -> None:
         """``held`` is called before the button is let go."""
         self.move(*start)
-        self.tool("mousedown", button)
+        self.hold(True, button)
         self.frames(2)
         for k in range(1, steps + 1):
             t = k / steps
             self.move(start[0] + t * (end[0] - start[0]), start[1] + t * (end[1] - start[1]))
         if held is not None:
             held()
-        self.tool("mouseup", button)
+        self.hold(False, button)
         self.frames(3)
 
     def key(self, chord: str) -> None:
