@@ -110,7 +110,9 @@ class Robot:
     def hold(self, down: bool, button: int = 1) -> None:
         """Press a button, or let it go, until the window has seen it."""
         self.tool("mousedown" if down else "mouseup", button)
-        index = {1: 0, 2: 2, 3: 1}[button]  # the screen counts left, middle, right, the toolkit left, right, middle
+        index = {1: 0, 2: 2, 3: 1}[
+            button
+        ]  # the screen counts left, middle, right, the toolkit left, right, middle
         self.wait(f"Button {button}", lambda: imgui.is_mouse_down(index) == down)
 
     def click(self, name: str, button: int = 1) -> None:
