@@ -290,7 +290,7 @@ def line(u: float, v: float) -> np.ndarray:
     half = int(np.ceil(max(abs(u), abs(v)) / 2)) + 2
     t = (np.arange(n := 64 * half) + 0.5) / n - 0.5
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    (j, across), (i, down) = _around(u * t), _around(v * t)
+    (j, across), (i, down) = lagrange(u * t), lagrange(v * t)
     for a in range(5):
         for b in range(5):
             np.add.at(kernel, (i + half + a - 2, j + half + b - 2), down[a] * across[b])
@@ -298,20 +298,8 @@ def line(u: float, v: float) -> np.ndarray:
     return (kernel / kernel.sum()).astype(np.float32)
 
 
-def _around(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The pixel nearest to each place and the weights of the five around it."""
+def lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The pixel nearest to each place and the weights of five around it, whose moments to the fourth are its own."""
     i = np.rint(x).astype(int)
     t, nodes = x - i, (-2, -1, 0, 1, 2)
     return i, [np.prod([(t - m) / (k - m) for m in nodes if m != k], axis=0) for k in nodes]
-
-
-def lagrange(x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The pixel below each place and the weights of the four around it."""
-    i = np.floor(x).astype(int)
-    t = x - i
-    return i, [
-        -t * (1 - t) * (2 - t) / 6,
-        (1 + t) * (1 - t) * (2 - t) / 2,
-        (1 + t) * t * (2 - t) / 2,
-        -(1 + t) * t * (1 - t) / 6,
-    ]

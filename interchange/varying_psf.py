@@ -67,16 +67,17 @@ def spread_over_field(
 def kernel(offsets: np.ndarray) -> np.ndarray:
     """(k, k) float32 of rays that arrive at ``offsets`` (n, 2) px (column, row), their centroid put in the middle.
 
-    Rays are shared between pixels by Lagrange's cubic weights: mean, variance and third moments are the rays' own.
+    Rays are shared between five pixels a side by Lagrange's weights: moments to the fourth are the rays' own, and a
+    blur that is smaller than a pixel takes as much from an edge as its variance says.
     """
     offsets = offsets - offsets.mean(axis=0)
     half = int(np.ceil(np.abs(offsets).max(initial=0))) + 2
     size = 2 * half + 1
     (j, across), (i, down) = lagrange(offsets[:, 0] + half), lagrange(offsets[:, 1] + half)
     out = np.zeros(size * size)
-    for a in range(4):
-        for b in range(4):
-            place = (i + a - 1) * size + j + b - 1
+    for a in range(5):
+        for b in range(5):
+            place = (i + a - 2) * size + j + b - 2
             out += np.bincount(place, down[a] * across[b], size * size)
     return trimmed(out.reshape(size, size))
 

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from analysis.gap.terms import Cause, Term
+from analysis.gap.uneven_blur import UNEVEN
 
 P0, V0 = 0.3, 0.12  # px²
 TOLD = 0.9  # of what a defocus keeps: what keeps less is told
@@ -40,6 +41,11 @@ def may_be_one(causes: Iterable[Cause], variance: float) -> bool:
 
 
 def variance(terms: Sequence[Term], theta: np.ndarray) -> float:
-    """px² of the largest defocus among ``theta`` (q,) of ``terms``; 0 where there is none."""
-    found = [float(x) for t, x in zip(terms, theta, strict=True) if (t.cause, t.parameter) == DEFOCUS]
-    return max([*found, 0.0])
+    """px² of the largest defocus among ``theta`` (q,) of ``terms``, with what it differs by over the image: pixels are
+    alike everywhere. 0 where there is none."""
+    found: dict[str, float] = {}
+    for t, x in zip(terms, theta, strict=True):
+        if t.cause == DEFOCUS[0]:
+            more = float(x) if t.parameter == DEFOCUS[1] else abs(float(x)) * (t.parameter in UNEVEN)
+            found[t.target] = found.get(t.target, 0.0) + more
+    return max([*found.values(), 0.0])

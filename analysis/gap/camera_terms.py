@@ -23,6 +23,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.state import State
 from analysis.gap.subpixel_terms import PRODUCT
 from analysis.gap.terms import Term
+from analysis.gap.uneven_blur import UNEVEN
 from interchange.camera import Camera
 from interchange.captures import Tolerances
 from interchange.effects import MODELS
@@ -77,7 +78,7 @@ def of_one(terms: Sequence[Term], camera: str) -> list[Term]:
 def _start(term: Term, camera: Camera) -> float:
     return (
         term.start
-        if term.parameter == PRODUCT
+        if term.parameter in (PRODUCT, *UNEVEN)
         else float(getattr(MODELS[term.cause].of(camera), term.parameter))
     )
 

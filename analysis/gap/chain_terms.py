@@ -16,6 +16,8 @@ from analysis.gap.left import EDGED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.subpixel_terms import PRODUCT, across, subpixel
 from analysis.gap.terms import NUISANCE, Field, Term
+from analysis.gap.uneven_blur import DRAWN, uneven
+from analysis.gap.uneven_optics import UnevenBlur
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
 from interchange.parameter import Parameter, ParameterError, parameters
@@ -107,7 +109,9 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                     if finely
                     else _across(v, model)
                 )
-        terms += [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
+        found = [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
+        blur = [t for t in found if (t.cause, t.parameter) == ("defocus", "blur")]
+        terms += [*found, *(more for t in blur for more in uneven(t, state))]
     return terms
 
 
@@ -282,7 +286,8 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
         about = parameters(model)
         given = {}
         for term in terms:
-            if term.candidate == candidate and term.parameter in values and term.parameter != PRODUCT:
+            known = term.parameter in values and term.parameter not in (PRODUCT, *DRAWN)
+            if term.candidate == candidate and known:
                 t = values[term.parameter]
                 start = float(getattr(own, term.parameter))
                 change = max(t, 0.0) ** 0.5 if term.power == 2 else t
@@ -291,4 +296,6 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
                 given[term.parameter] = float(np.clip(value, limits.low, limits.high))
         given = signed({**given, PRODUCT: values.get(PRODUCT, 0.0)})
         made.append(replace(own, **given))  # type: ignore[type-var]
+        slopes = {DRAWN[n]: x for n, x in values.items() if n in DRAWN}
+        made += [UnevenBlur(**slopes)] if slopes else []
     return made

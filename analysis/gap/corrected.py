@@ -13,10 +13,13 @@ import numpy as np
 
 from analysis.gap.chain_terms import DARK
 from analysis.gap.saturation_terms import KNEES, lost_above
+from analysis.gap.uneven_blur import CORNER
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
 from interchange.effects.anisotropy import Anisotropy
+from interchange.effects.defocus import Defocus
+from interchange.effects.field_blur import FieldBlur
 from interchange.effects.response_curve import ResponseCurve
 from interchange.formats.document import Document
 from interchange.formats.usd_changes import Frame, author_changes
@@ -113,6 +116,8 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
     if not given and DARK not in change.values:
         return camera
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]
+    if isinstance(effect, Defocus) and start is not None and CORNER in change.values:
+        return _curved(effect.on(camera), change.values[CORNER] - start[CORNER])
     if start is not None and DARK in change.values:
         s = camera.sensor
         more = change.values[DARK] - start[DARK]
@@ -126,6 +131,16 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         r, g, b = (factor * x for x in s.spectral_response)
         return replace(camera, sensor=replace(s, spectral_response=(r, g, b)))
     return effect.on(camera) if effect.carried_by or type(effect).on is not Effect.on else camera
+
+
+def _curved(camera: Camera, more: float) -> Camera:
+    """With its blur, and ``more`` px² of variance in the corner, as discs that grow with the field: those of the same
+    size on the axis and in the corner. A scene file says no blur that leans or that no thin lens gives to depths."""
+    if any(camera.lens.field_blur):
+        raise BrightfieldError("The lens has a blur over the field already, of which this would be a part.")
+    axis, corner = camera.lens.blur, max(camera.lens.blur**2 + more, 0.0) ** 0.5
+    over_field = FieldBlur(4 * axis, 4 * (corner - axis), 4 * (corner - axis))
+    return over_field.on(replace(camera, lens=replace(camera.lens, blur=0.0)))
 
 
 def _filling_up(camera: Camera, change: Change) -> Camera:

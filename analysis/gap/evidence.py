@@ -139,7 +139,7 @@ class Evidence:
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
         for index in self.members.values():
-            root = np.sqrt(len(index))
+            root = np.linalg.norm(self.part[index])
             cell = terms[index[0]].family is not None
             together[index] = np.linalg.norm(share[index]) if cell else share[index] * root
         self.together = together

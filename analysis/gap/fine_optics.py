@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from analysis.gap.uneven_optics import UnevenBlur, uneven
 from interchange.camera import Camera
 from interchange.effects import Effect
 from interchange.effects.defocus import Defocus
@@ -18,8 +19,11 @@ from interchange.effects.lateral_chromatic_aberration import LateralChromaticAbe
 from interchange.effects.motion_blur import MotionBlur
 from interchange.filtering import combined, convolve, gaussian, line
 
-Blur = tuple[float, float, float]  # px: rms of a Gaussian, and the path's columns and rows
-SHARP: Blur = (0.0, 0.0, 0.0)
+Slopes = tuple[float, float, float]  # px² of variance: to the corner, to the right, down
+# px: rms of a Gaussian, and the path's columns and rows; and how the Gaussian's variance differs over the image
+Blur = tuple[float, float, float, Slopes]
+EVEN: Slopes = (0.0, 0.0, 0.0)
+SHARP: Blur = (0.0, 0.0, 0.0, EVEN)
 
 
 @dataclass(frozen=True)
@@ -42,10 +46,14 @@ class FineOptics:
 
 
 def blurred(plane: np.ndarray, blur: Blur, finer: int = 1) -> np.ndarray:
-    """(h, w, C) on a grid ``finer`` times finer than the sensor's."""
+    """(h, w, C) of the whole image, on a grid ``finer`` times finer than the sensor's."""
     if blur == SHARP:
         return plane
-    sigma, u, v = (finer * x for x in blur)
+    sigma, u, v = (finer * x for x in blur[:3])
+    if blur[3] != EVEN:
+        plane, sigma = uneven(plane, blur[0], blur[3], finer), 0.0
+        if not (u or v):
+            return plane
     kernels = ([gaussian(sigma)] if sigma else []) + ([line(u, v)] if u or v else [])
     return convolve(np.ascontiguousarray(plane, np.float32), combined(kernels))
 
@@ -60,14 +68,20 @@ def told_apart(
     defocus = given.get(Defocus, Defocus.of(camera))
     motion = given.get(MotionBlur, MotionBlur.of(camera))
     assert isinstance(lateral, LateralChromaticAberration)
+    differing = given.get(UnevenBlur, UnevenBlur())
     assert isinstance(defocus, Defocus)
     assert isinstance(motion, MotionBlur)
+    assert isinstance(differing, UnevenBlur)
     if channels != 3:
         lateral = LateralChromaticAberration()
-    optics = FineOptics(lateral, (defocus.blur, motion.u, motion.v))
+    optics = FineOptics(lateral, (defocus.blur, motion.u, motion.v, differing.slopes))
     if not optics.is_there:
         return optics, camera, list(effects)
-    rest = [e for e in effects if not isinstance(e, LateralChromaticAberration | Defocus | MotionBlur)]
+    rest = [
+        e
+        for e in effects
+        if not isinstance(e, LateralChromaticAberration | Defocus | MotionBlur | UnevenBlur)
+    ]
     if Defocus in given:
         rest.append(replace(defocus, blur=0.0))
     if MotionBlur in given:

@@ -40,7 +40,7 @@ def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
     none, slab = evidence.at((), ()), SLABS[1]
     share = evidence.e.share
     part = [0.4 if i == 1 else 1.0 for i in range(3)]
-    wide = {i: max(part[i] * slab / share[i] / np.sqrt(2 if i < 2 else 1), 0.02) for i in range(3)}
+    wide = {i: max(part[i] * slab / share[i] / (np.hypot(1, 0.4) if i < 2 else 1), 0.02) for i in range(3)}
     both = evidence.at((("a", ""), ("b", "")), (slab, slab))
     expected = dense(wide) - dense({}) - 2 * np.log(len(SLABS) + 1)  # and the slight one
     expected += evidence.averaged(both.causes)  # over widths: tests/analysis/test_gap_prior.py
