@@ -16,9 +16,9 @@ from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
 from analysis.gap.uneven_optics import in_image
 
-CORNER = "blur² more in the corner"  # a, px²
-LEANING = ("blur² more to the right", "blur² more downwards")  # b, c
-NEARER = ("blur² more where nearer", "blur² more off the focus")  # d, e
+CORNER = "variance more in the corner"  # a, px²
+LEANING = ("variance more to the right", "variance more downwards")  # b, c
+NEARER = ("variance more where nearer", "variance more off the focus")  # d, e
 DRAWN = {CORNER: "corner", LEANING[0]: "right", LEANING[1]: "down"}  # as parameters of UnevenBlur
 UNEVEN = (CORNER, *LEANING, *NEARER)
 PART = 0.5  # of the blur itself: of what varies over the image there is less than of what does not
