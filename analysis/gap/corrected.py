@@ -29,6 +29,7 @@ from interchange.scene import Scene
 from interchange.sensor import Response
 
 STRAIGHT = 0.2  # sine of twice what a grain may run beside the tangent, which a scene has it along or across
+ALIKE = 0.1  # of a blur's variance: a lens whose corner has no more of it than that has the same everywhere
 ENTRIES = 1001  # of a response that fills up: one at every knee
 STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z) mm"
 
@@ -117,7 +118,9 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         return camera
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]
     if isinstance(effect, Defocus) and start is not None and CORNER in change.values:
-        return _curved(effect.on(camera), change.values[CORNER] - start[CORNER])
+        more = change.values[CORNER] - start[CORNER]
+        if abs(more) > ALIKE * effect.blur**2:
+            return _curved(effect.on(camera), more)
     if start is not None and DARK in change.values:
         s = camera.sensor
         more = change.values[DARK] - start[DARK]
@@ -134,12 +137,14 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
 
 
 def _curved(camera: Camera, more: float) -> Camera:
-    """With its blur, and ``more`` px² of variance in the corner, as discs that grow with the field: those of the same
-    size on the axis and in the corner. A scene file says no blur that leans or that no thin lens gives to depths."""
+    """With its blur, and ``more`` px² of variance in the corner, as discs that grow with the field: least squares of
+    their rms over a round image. A scene file says no blur that leans or that no thin lens gives to depths."""
     if any(camera.lens.field_blur):
         raise BrightfieldError("The lens has a blur over the field already, of which this would be a part.")
-    axis, corner = camera.lens.blur, max(camera.lens.blur**2 + more, 0.0) ** 0.5
-    over_field = FieldBlur(4 * axis, 4 * (corner - axis), 4 * (corner - axis))
+    square = (np.arange(ENTRIES) + 0.5) / ENTRIES  # of how far out, each as much of the image
+    rms = np.sqrt(np.maximum(camera.lens.blur**2 + more * square, 0))
+    grown, axis = 4 * np.polyfit(square, rms, 1)
+    over_field = FieldBlur(float(axis), float(grown), float(grown))
     return over_field.on(replace(camera, lens=replace(camera.lens, blur=0.0)))
 
 

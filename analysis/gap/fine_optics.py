@@ -11,18 +11,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.gap.uneven_optics import UnevenBlur, uneven
+from analysis.gap.uneven_optics import EVEN, Slopes, UnevenBlur, uneven
 from interchange.camera import Camera
 from interchange.effects import Effect
 from interchange.effects.defocus import Defocus
+from interchange.effects.field_blur import FieldBlur
 from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
 from interchange.effects.motion_blur import MotionBlur
 from interchange.filtering import combined, convolve, gaussian, line
 
-Slopes = tuple[float, float, float]  # px² of variance: to the corner, to the right, down
 # px: rms of a Gaussian, and the path's columns and rows; and how the Gaussian's variance differs over the image
 Blur = tuple[float, float, float, Slopes]
-EVEN: Slopes = (0.0, 0.0, 0.0)
 SHARP: Blur = (0.0, 0.0, 0.0, EVEN)
 
 
@@ -50,7 +49,7 @@ def blurred(plane: np.ndarray, blur: Blur, finer: int = 1) -> np.ndarray:
     if blur == SHARP:
         return plane
     sigma, u, v = (finer * x for x in blur[:3])
-    if blur[3] != EVEN:
+    if blur[3].are_there:
         plane, sigma = uneven(plane, blur[0], blur[3], finer), 0.0
         if not (u or v):
             return plane
@@ -74,7 +73,8 @@ def told_apart(
     assert isinstance(differing, UnevenBlur)
     if channels != 3:
         lateral = LateralChromaticAberration()
-    optics = FineOptics(lateral, (defocus.blur, motion.u, motion.v, differing.slopes))
+    sigma, slopes = _with_discs(camera, defocus.blur, differing.slopes(camera))
+    optics = FineOptics(lateral, (sigma, motion.u, motion.v, slopes if slopes.are_there else EVEN))
     if not optics.is_there:
         return optics, camera, list(effects)
     rest = [
@@ -89,8 +89,25 @@ def told_apart(
     return optics, _without(camera), rest
 
 
+def _with_discs(camera: Camera, sigma: float, slopes: Slopes) -> tuple[float, Slopes]:
+    """rms blur and slopes with what the lens has of discs that grow with the field."""
+    if not _has_round_discs(camera):
+        return sigma, slopes
+    axis, grown, _, _ = camera.lens.field_blur
+    more = slopes._replace(corner=slopes.corner + axis * grown / 8, fourth=grown**2 / 16)
+    return float(np.hypot(sigma, axis / 4)), more
+
+
+def _has_round_discs(camera: Camera) -> bool:
+    """Whether its ``field_blur`` has neither coma nor astigmatism, and no depth of field that adds to it."""
+    lens, blur = camera.lens, FieldBlur.of(camera)
+    by_depth = lens.f_stop > 0 and lens.focus_distance > 0
+    return blur.is_there and blur.tangential == blur.sagittal and not blur.coma and not by_depth
+
+
 @lru_cache(maxsize=64)
 def _without(camera: Camera) -> Camera:
     """The same object for the same camera, as chains of effects are kept by it."""
     apart = LateralChromaticAberration().on(camera)
-    return replace(apart, lens=replace(apart.lens, blur=0.0))
+    discs = (0.0,) * 4 if _has_round_discs(camera) else camera.lens.field_blur
+    return replace(apart, lens=replace(apart.lens, blur=0.0, field_blur=discs))

@@ -1,6 +1,6 @@
 """A blur that is not the same everywhere: what its variance has more of in one place of the image than in another.
 
-    σ² = σ0² + a r² + b x + c y + d w + e w²     x, y: of half the image's diagonal from its middle; r² = x² + y²
+    σ² = σ0² + a r² + b x + c y + d w + e w²     x, y: of half the image's diagonal from the axis; r² = x² + y²
                                                  w = z0 / z - 1, z along the axis, z0 that of what has edges
 
 A lens's field curves (a), its sensor leans (b, c), and a thin lens draws what is nearer than what it is focused on as
@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
-from analysis.gap.uneven_optics import in_image
+from analysis.gap.uneven_optics import axis_of, from_axis
 
 CORNER = "variance more in the corner"  # a, px²
 LEANING = ("variance more to the right", "variance more downwards")  # b, c
@@ -74,7 +74,7 @@ def _of_blur(where: Field) -> Field:
 
 def _place(s: State) -> tuple[np.ndarray, np.ndarray]:
     column, row = s.grid
-    return in_image(column, row, s.camera.sensor.resolution)
+    return from_axis(column, row, s.camera.sensor.resolution, axis_of(s.camera))
 
 
 def _depth(s: State) -> np.ndarray:

@@ -1,11 +1,13 @@
 """A blur that is not the same everywhere, drawn: its variance has a slope over the image.
 
-    σ²(x, y) = σ0² + corner r² + right x + down y    px²; x, y of half the image's diagonal from its middle
+    σ²(x, y) = σ0² + corner r² + fourth r⁴ + right x + down y    px²; x, y of half the image's diagonal from the axis
 
-σ0² is ``defocus``'s; less than none is none.
+σ0² is ``defocus``'s; less than none is none. Round discs of ``field_blur`` are such a blur: of diameter d_0 + d_T r²,
+with a variance of its square over 16.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +17,25 @@ from interchange.filtering import convolve, gaussian
 from interchange.image import Image
 from interchange.parameter import parameter
 
-APART = 0.1  # px² between two blurs that what lies between is a mean of: 1e-3 of an edge that a Gaussian is
-MOST = 8  # blurs
+APART = 0.15  # px, and of the blur, between two blurs that what lies between is a mean of: 0.3 % of an edge at most
+
+
+class Slopes(NamedTuple):
+    """px² that a variance has more of in the corner, by the square and by the fourth power of how far out it is, and
+    half a diagonal to the right and down; ``axis``: from the image's middle, of half its diagonal."""
+
+    corner: float = 0.0
+    right: float = 0.0
+    down: float = 0.0
+    fourth: float = 0.0
+    axis: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def are_there(self) -> bool:
+        return any(self[:4])
+
+
+EVEN = Slopes()
 
 
 @dataclass(frozen=True)
@@ -35,42 +54,55 @@ class UnevenBlur(Effect):
     down: float = parameter(0.0, "c", "px²", -1e4, 1e4, "variance more half a diagonal down")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
-        return replace(image, pixels=uneven(image.pixels, 0.0, self.slopes)) if self.is_there else image
+        if not self.is_there:
+            return image
+        return replace(image, pixels=uneven(image.pixels, 0.0, self.slopes(camera)))
 
-    @property
-    def slopes(self) -> tuple[float, float, float]:
-        return self.corner, self.right, self.down
+    def slopes(self, camera: Camera) -> Slopes:
+        return Slopes(self.corner, self.right, self.down, axis=axis_of(camera))
 
 
-def uneven(plane: np.ndarray, sigma: float, slopes: tuple[float, float, float], finer: int = 1) -> np.ndarray:
+def uneven(plane: np.ndarray, sigma: float, slopes: Slopes, finer: int = 1) -> np.ndarray:
     """(h, w, C) of the whole image, on a grid ``finer`` times finer than the sensor's: means of blurs of the variances
     next to a pixel's own, in which a blurred image is smooth."""
     variance = variances(plane.shape[:2], sigma, slopes)
-    low, high = float(variance.min()), float(variance.max())
-    count = min(1 + int(np.ceil((high - low) / APART)), MOST)
-    levels = np.linspace(low, high, count)
+    levels = _levels(float(variance.min()) ** 0.5, float(variance.max()) ** 0.5)
+    plane = np.ascontiguousarray(plane, np.float32)
     out = np.zeros(plane.shape, np.float32)
-    step = levels[1] - levels[0] if count > 1 else 1.0
-    for level in levels:
-        share = np.maximum(1 - np.abs(variance - level) / step, 0).astype(np.float32)
-        out += share[..., None] * convolve(
-            np.ascontiguousarray(plane, np.float32), gaussian(finer * level**0.5)
-        )
+    for k, level in enumerate(levels):
+        share = np.interp(variance, levels**2, np.eye(len(levels))[k]).astype(np.float32)
+        out += share[..., None] * convolve(plane, gaussian(finer * float(level)))
     return out
 
 
-def variances(shape: tuple[int, ...], sigma: float, slopes: tuple[float, float, float]) -> np.ndarray:
+def _levels(low: float, high: float) -> np.ndarray:
+    """Rms blurs, px, from the least to the most."""
+    found = [low]
+    while found[-1] < high:
+        found.append(min(found[-1] + APART * max(1.0, found[-1]), high))
+    return np.array(found)
+
+
+def variances(shape: tuple[int, ...], sigma: float, slopes: Slopes) -> np.ndarray:
     """(h, w) px²."""
     column, row = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
-    x, y = in_image(column, row, (shape[1], shape[0]))
-    corner, right, down = slopes
-    return np.maximum(sigma**2 + corner * (x**2 + y**2) + right * x + down * y, 0)
+    x, y = from_axis(column, row, (shape[1], shape[0]), slopes.axis)
+    square = x**2 + y**2
+    radial = slopes.corner * square + slopes.fourth * square**2
+    return np.asarray(np.maximum(sigma**2 + radial + slopes.right * x + slopes.down * y, 0))
 
 
-def in_image(
-    column: np.ndarray, row: np.ndarray, resolution: tuple[int, int]
+def from_axis(
+    column: np.ndarray, row: np.ndarray, resolution: tuple[int, int], axis: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels' middles, of half the diagonal from the image's middle."""
+    """Pixels' middles, of half the diagonal from the axis."""
     w, h = resolution
     half = 0.5 * float(np.hypot(w, h))
-    return (column + 0.5 - w / 2) / half, (row + 0.5 - h / 2) / half
+    return (column + 0.5 - w / 2) / half - axis[0], (row + 0.5 - h / 2) / half - axis[1]
+
+
+def axis_of(camera: Camera) -> tuple[float, float]:
+    """Where the principal point is, of half the diagonal from the image's middle."""
+    K = camera.K
+    x, y = from_axis(K[0, 2], K[1, 2], camera.sensor.resolution, (0.0, 0.0))
+    return float(x), float(y)

@@ -171,8 +171,8 @@ def test_depth_adds_to_the_fields_aberrations_before_they_are_squared():
 @pytest.mark.parametrize("diameter", [0.2, 0.5, 0.8, 1.2, 2.0])
 def test_a_disc_smaller_than_a_pixel_takes_no_more_contrast_than_it_has(diameter):
     """The disc's own transfer, 2 J1(x) / x at x = π d f. Shares between five pixels a side are polynomials of the
-    fourth degree: 10 % at half of Nyquist's frequency, and at it two fifths too little is lost; shares between four
-    lost up to five times as much there."""
+    fourth degree: 10 % at half of Nyquist's frequency, and at it nearly half of the loss is missing; shares between
+    four pixels lost up to five times as much as the disc there."""
     k = kernel(FieldBlur(axis=diameter).rays(0.0)).sum(axis=0)
     at = np.arange(len(k)) - len(k) // 2
     for frequency, least, most in ((0.125, 0.98, 1.02), (0.25, 0.9, 1.1), (0.5, 0.5, 1.02)):
