@@ -95,11 +95,11 @@ def why_not(fit: Fit, finding: Finding) -> list[str]:
             if rival in {c[0] for c in h.causes} and finding.name not in {c[0] for c in h.causes}
         ]
         gain = fit.best.score - max(instead) if instead else 0.0
-        said = (
-            f"in its place is {_times(gain)} times less probable"
-            if gain > 0
-            else "was not tried in its place"
-        )
+        said = "was not tried in its place"
+        if gain == math.inf:
+            said = "has no numbers that could stand in its place"
+        elif gain > 0:
+            said = f"in its place is {_times(gain)} times less probable"
         out.append(f"{plain(rival)}: {said}.{seen}")
     return out
 
