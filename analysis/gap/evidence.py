@@ -317,11 +317,12 @@ class Evidence:
         z = self.C[wide] @ x
         return float(x @ self.C @ x - z @ np.linalg.solve(inner, z))
 
-    def given(self, h: Hypothesis, i: int) -> np.ndarray:
-        """(q,): by how much the posterior mean of every term goes along where term ``i`` is known to be 1 more."""
+    def covariance(self, h: Hypothesis, index: Sequence[int] | np.ndarray) -> np.ndarray:
+        """(q, k): of every term with the terms ``index`` under a hypothesis."""
         wide, inner = self._inner(h)
-        column = self.C[:, i] - self.C[:, wide] @ np.linalg.solve(inner, self.C[wide, i])
-        return np.asarray(self.spike * column / (self.spike[i] * column[i]))
+        told = np.asarray(index)
+        columns = self.C[:, told] - self.C[:, wide] @ np.linalg.solve(inner, self.C[np.ix_(wide, told)])
+        return np.asarray(self.spike[:, None] * columns * self.spike[told])
 
     def best(self, causes: Iterable[Cause], wide: dict[Cause, float]) -> Hypothesis:
         """Over the slabs of the causes that ``wide`` does not fix."""

@@ -96,7 +96,7 @@ def fit(
     without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
     where the scene has it, with the light that goes by way of other surfaces."""
     terms = tuple(_terms(conditions, tolerances, knots))
-    parts = shares(lambda t: _terms(conditions, t, knots), tolerances)
+    parts = shares(terms, lambda t: _terms(conditions, t, knots), tolerances)
     search = Search(conditions, terms, knots, told, parts)
     told("registration", 0.0)
     first = search.scaled(search.stand(search.registered(), {}, "evidence", {}))

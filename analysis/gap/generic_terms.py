@@ -96,20 +96,14 @@ def _term(cause: str, target: str, parameter: str, spike: float, field: Field) -
     return Term(cause, target, parameter, "1", spike, field, relative=True, generic=True)
 
 
-def _cosines(x: np.ndarray, y: np.ndarray, i: int, j: int) -> np.ndarray:
-    """Where x or y does not count it costs nothing, and neither needs more than seven digits."""
-    waves = [np.cos(np.float32(np.pi * k) * a.astype(np.float32)) for k, a in ((i, x), (j, y)) if k]
-    return np.asarray(np.prod(waves, axis=0, dtype=np.float32) if waves else np.ones_like(x, np.float32))[
-        ..., None
-    ]
-
-
 def _image(camera: str, i: int, j: int, factor: bool) -> Field:
     def field(s: State) -> np.ndarray | None:
         if s.camera.name != camera:
             return None
         w, h = s.camera.sensor.resolution
-        wave = _cosines((s.grid[0] + 0.5) / w, (s.grid[1] + 0.5) / h, i, j)
+        along = np.cos(np.pi * i * (s.grid[0][0].astype(np.float64) + 0.5) / w)
+        down = np.cos(np.pi * j * (s.grid[1][:, 0].astype(np.float64) + 0.5) / h)
+        wave = np.multiply.outer(down, along).astype(np.float32)[..., None]
         return s.signal * wave if factor else np.broadcast_to(100 * wave, s.signal.shape)
 
     return field
@@ -117,9 +111,17 @@ def _image(camera: str, i: int, j: int, factor: bool) -> Field:
 
 def _surface(i: int, j: int) -> Field:
     def field(s: State) -> np.ndarray | None:
-        return s.signal * _cosines(s.on_surface[..., 0], s.on_surface[..., 1], i, j)
+        return s.signal * (_over_surface(s, 0, i) * _over_surface(s, 1, j))[..., None]
 
     return field
+
+
+def _over_surface(s: State, axis: int, k: int) -> np.ndarray:
+    """(h, w): a cosine of ``k`` half waves across the scene, which needs no more than seven digits."""
+    key = ("over the surface", axis, k)
+    if key not in s.kept:
+        s.kept[key] = np.cos(np.float32(np.pi * k) * s.on_surface[..., axis].astype(np.float32))
+    return np.asarray(s.kept[key])
 
 
 def _mirrored(axes: tuple[int, ...]) -> Field:

@@ -76,7 +76,7 @@ def stand(condition: Condition) -> str:
 
 def _projected(state: State, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """px that points of ``state`` move by where they move by ``delta`` (h, w, 3) m in the camera's frame."""
-    X, K = state.in_camera, state.camera.K
+    X, K = state.in_camera, state.camera.K.astype(np.float32)
     if state.camera.lens.projection is Projection.ORTHOGRAPHIC:
         return K[0, 0] * delta[..., 0], K[1, 1] * delta[..., 1]
     z = np.maximum(X[..., 2], 1e-6)
@@ -92,17 +92,21 @@ def _pose(name: str, condition: Condition, px: float) -> list[Term]:
     near = f if condition.camera.lens.projection is Projection.ORTHOGRAPHIC else f / z
     terms = []
     for axis in range(3):
-        unit = np.eye(3)[axis]
+        unit = np.eye(3, dtype=np.float32)[axis]
 
         def shift(s: State, unit: np.ndarray = unit) -> tuple[np.ndarray, np.ndarray] | None:
             return (
-                _projected(s, np.broadcast_to(1e-3 * unit, s.in_camera.shape))
+                _projected(s, np.broadcast_to(np.float32(1e-3) * unit, s.in_camera.shape))
                 if stand(s.condition) == name
                 else None
             )
 
         def turn(s: State, unit: np.ndarray = unit) -> tuple[np.ndarray, np.ndarray] | None:
-            return _projected(s, 1e-3 * np.cross(unit, s.in_camera)) if stand(s.condition) == name else None
+            return (
+                _projected(s, np.float32(1e-3) * np.cross(unit, s.in_camera))
+                if stand(s.condition) == name
+                else None
+            )
 
         reach = _farthest(condition) if axis == 2 else 1.0
         tau = px / (1e-3 * near * (reach if axis == 2 else 1.0)) / np.sqrt(3)
@@ -120,8 +124,8 @@ def _parallax(name: str, depth: np.ndarray, z: float, f: float, px: float) -> li
     spread = 1e-3 * f * float(np.std(1 / depth)) if len(depth) else 0.0
     terms = []
     for axis in range(2):
-        aside = 1e-3 * np.eye(3)[axis]
-        back = 1e-3 / z * (np.array([0.0, -1.0, 0.0]) if axis == 0 else np.array([1.0, 0.0, 0.0]))
+        aside = (1e-3 * np.eye(3)[axis]).astype(np.float32)
+        back = np.array([[0.0, -1e-3 / z, 0.0], [1e-3 / z, 0.0, 0.0]][axis], np.float32)
 
         def flow(
             s: State, aside: np.ndarray = aside, back: np.ndarray = back
@@ -268,7 +272,7 @@ def moved_objects(
                 if name not in names:
                     return None
                 mask = s.take(s.shown.passes["object_id"]) == names.index(name)
-                delta = 1e-3 * s.camera.camera_from_world[:3, axis]
+                delta = (1e-3 * s.camera.camera_from_world[:3, axis]).astype(np.float32)
                 du, dv = _projected(s, np.broadcast_to(delta, s.in_camera.shape))
                 return du * mask, dv * mask
 

@@ -85,8 +85,8 @@ def _wave(name: str, i: int, j: int) -> Field:
             return None
         out = np.zeros_like(s.signal)
         for own, u, v in _laid(s, name):
-            wave = np.cos(np.pi * i * u) * np.cos(np.pi * j * v)
-            out[own] = s.signal[own] * wave[:, None].astype(np.float32)
+            wave = np.cos(np.float32(np.pi * i) * u) * np.cos(np.float32(np.pi * j) * v)
+            out[own] = s.signal[own] * wave[:, None]
         return out
 
     return field
@@ -108,16 +108,27 @@ def _spots(name: str) -> Cells:
     return cells
 
 
-def _laid(s: State, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Of each body of a material: where it is in the image (h, w), and its box coordinates there."""
+Laid = tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]  # indices, u and v
+
+
+def _laid(s: State, name: str) -> list[Laid]:
+    """Of each body of a material: where it is in the image (h, w), and its box coordinates (n,) there."""
+    key = ("laid", name)
+    if key not in s.kept:
+        s.kept[key] = list(_found(s, name))
+    laid: list[Laid] = s.kept[key]
+    return laid
+
+
+def _found(s: State, name: str) -> Iterator[Laid]:
     scene = s.shown.scene
     mask = s.take(s.shown.passes["material_id"]) == scene.material_names.index(name)
     objects = s.take(s.shown.passes["object_id"])
     for body in scene.bodies:
         if body.material.name == name:
-            own = mask & (objects == scene.object_names.index(body.name))
+            own = np.nonzero(mask & (objects == scene.object_names.index(body.name)))
             at = apply(np.linalg.inv(body.world_from_body), s.position[own])
-            u, v = np.moveaxis(box_uv(body.mesh, at), -1, 0)
+            u, v = np.moveaxis(box_uv(body.mesh, at).astype(np.float32), -1, 0)
             yield own, u, v
 
 

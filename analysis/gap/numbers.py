@@ -5,6 +5,7 @@ them.
 """
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from analysis.gap import lens_flow
 from analysis.gap.evidence import Evidence, Hypothesis
@@ -46,6 +47,24 @@ def numbers(search: Search, stand: Stand, h: Hypothesis) -> Model:
     return search.model(np.where(cause, theta, _drawn(theta, at, there.share)), at)
 
 
+def possible(there: Evidence, h: Hypothesis) -> np.ndarray:
+    """θ (q,): the likeliest where no number of the causes may be below its least: a scene has no glare of less than
+    nothing, and what is beside it is another number without."""
+    mean = there.theta(h)
+    own = np.array([i for c in h.causes for i in there.members[c] if np.isfinite(there.low[i])], int)
+    if not len(own) or (mean[own] >= there.low[own]).all():
+        return mean
+    covariance = there.covariance(h, own)
+    inside = covariance[own]
+    unit = np.sqrt(np.diag(inside))
+    factor = np.linalg.cholesky(np.linalg.inv(inside / np.outer(unit, unit)))
+    bounds = (there.low[own] - mean[own]) / unit, np.full(len(own), np.inf)
+    off = unit * lsq_linear(factor.T, np.zeros(len(own)), bounds).x
+    theta = mean + covariance @ np.linalg.solve(inside, off)
+    theta[own] = np.maximum(mean[own] + off, there.low[own])
+    return np.asarray(theta)
+
+
 def _drawn(theta: np.ndarray, at: np.ndarray, share: np.ndarray) -> np.ndarray:
     """θ (q,) of which what is slight stays where it stands."""
     return np.where(np.abs(theta - at) * share < SLIGHT, at, theta)
@@ -56,12 +75,13 @@ def _unfolded(
 ) -> tuple[np.ndarray, bool]:
     """θ (q,) of a hypothesis, and whether a lens of its mean folds within the image: then it is the mean where k2 is as
     large as it must be for that. What was compared need not reach the corners, the lens does."""
-    theta, folded = there.theta(h), False
+    theta, folded = possible(there, h), False
     for cause in members:
         lens = {search.terms[i].parameter: int(i) for i in members[cause] if cause[0] == lens_flow.CAUSE}
         if "k2" not in lens:
             continue
-        along = there.given(h, lens["k2"])
+        along = there.covariance(h, [lens["k2"]])[:, 0]
+        along = along / along[lens["k2"]]
         ways = np.linspace(0, MOST_BENT, STEPS) * there.sigma(h)[lens["k2"]]
         more = next((x for x in ways if not _folds(search, theta + x * along)), 0.0)
         theta, folded = theta + more * along, folded or more > 0

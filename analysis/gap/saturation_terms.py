@@ -16,7 +16,7 @@ from analysis.gap.terms import Field, Term
 from interchange.camera import Sensor
 from interchange.captures import Tolerances
 
-KNEES = (0.5, 0.7)  # of the range: below, it is a response curve
+KNEES = (0.5, 0.7, 0.8, 0.9)  # of the range: below, it is a response curve; above, little is compared
 LEAST = 1e-3  # of an image's pixels that must be brighter
 
 
@@ -24,7 +24,7 @@ def saturation_terms(conditions: Sequence[Condition], tolerances: Tolerances) ->
     """Of the knees that enough pixels of some image lie above."""
     seen = [k for k in KNEES if any(_bright(c, k) for c in conditions)]
     spike = SMOOTH * tolerances.flat_field / np.sqrt(max(len(seen), 1))
-    return [Term("saturation", "", lost_above(k), "1", spike, _lost(k), relative=True) for k in seen]
+    return [Term("saturation", "", lost_above(k), "1", spike, _lost(k), relative=True, low=0.0) for k in seen]
 
 
 def lost_above(knee: float) -> str:

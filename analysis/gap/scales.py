@@ -41,12 +41,14 @@ Shares = dict[str, np.ndarray]
 Place = dict[str, int]  # number of the factor of each tolerance
 
 
-def shares(of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances) -> Shares:
+def shares(
+    terms: Sequence[Term], of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances
+) -> Shares:
     """{tolerance: (q,)}: 1 for the terms whose spike goes with it; ``UNDECLARED`` ones apart from the flat field and
-    the lamps' intensities that they are shares of (analysis.gap.left). ``of``: the terms under given tolerances."""
+    the lamps' intensities that they are shares of (analysis.gap.left). ``of``: the terms under other tolerances."""
     times = {f.name: float(k + 2) for k, f in enumerate(fields(tolerances))}
     wider = {name: factor * getattr(tolerances, name) for name, factor in times.items()}
-    before, after = of(tolerances), of(replace(tolerances, **wider))
+    before, after = terms, of(replace(tolerances, **wider))
     spikes = [np.array([t.spike for t in terms]) for terms in (before, after)]
     grown = np.divide(spikes[1], spikes[0], out=np.ones(len(before)), where=spikes[0] > 0)
     out = {name: np.isclose(grown, factor).astype(float) for name, factor in times.items()}

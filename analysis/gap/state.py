@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -218,9 +219,14 @@ class State:
         return np.clip((self.position - low) / np.maximum(high - low, 1e-9), 0, 1)
 
     @own_property
+    def kept(self) -> dict[tuple[object, ...], Any]:
+        """What terms share of this state, by keys of their own."""
+        return {}
+
+    @own_property
     def in_camera(self) -> np.ndarray:
-        """(h, w, 3) m in the camera's frame."""
-        return apply(self.camera.camera_from_world, self.position)
+        """(h, w, 3) float32 m in the camera's frame."""
+        return apply(self.camera.camera_from_world, self.position).astype(np.float32)
 
     @own_property
     def normal(self) -> np.ndarray:

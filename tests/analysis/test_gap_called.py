@@ -65,11 +65,11 @@ def test_nothing_called_is_the_file_at_its_best() -> None:
 
 
 @pytest.mark.parametrize("causes", [(), (A,), (A, B)])
-def test_where_one_number_is_known_the_others_go_along(causes: tuple[tuple[str, str], ...]) -> None:
-    """Covariance over variance, of (G + P)^-1 with P the hypothesis's own widths."""
+def test_numbers_vary_together_as_their_hypothesis_says(causes: tuple[tuple[str, str], ...]) -> None:
+    """(G + P)^-1, with P of the hypothesis's own widths."""
     evidence = _fit(0.9, 0.9).evidence
     h = evidence.best(causes, dict.fromkeys(causes, 0.1))
     wide = [max(0.1 / evidence.together[k], 2 * 0.001) for k in range(2)]
     sd = [min(wide[k], 40 * 0.001) if c in causes else 0.001 for k, c in enumerate((A, B))]
     covariance = np.linalg.inv(evidence.e.G + np.diag(1 / np.square(sd)))
-    assert evidence.given(h, 1) == pytest.approx(covariance[:, 1] / covariance[1, 1], rel=1e-6)
+    np.testing.assert_allclose(evidence.covariance(h, [1, 0]), covariance[:, [1, 0]], rtol=1e-6)

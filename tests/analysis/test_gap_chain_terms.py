@@ -254,21 +254,31 @@ def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition)
         assert k1.spike * moved.max() == pytest.approx(EACH * 0.05, rel=0.05)  # the corner pixel's middle
 
 
-def test_a_soft_well_is_about_a_sum_of_knees(condition: Condition) -> None:
-    """A well that loses a quarter of what is above 0.55 of the range, bent over 0.1 of it: to 15 % of its rms; and
-    no knee is looked for where nothing is bright."""
+@pytest.mark.parametrize(
+    ("share", "knee", "width", "least"), [(0.25, 0.55, 0.05, 0.15), (1.0, 0.79, 0.005, 0.02)]
+)
+def test_a_well_that_fills_up_is_about_a_sum_of_knees(
+    condition: Condition, share: float, knee: float, width: float, least: float
+) -> None:
+    """One that loses a quarter of what is above 0.55 of the range, bent over 0.1 of it: to 15 % of its rms. One that is
+    full at 0.79, nearly at once: to 2 %, of which knees at 0.5 and 0.7 alone leave 8 %. No knee is looked for where
+    nothing is bright."""
     L = {k: 1.7 * v for k, v in condition.rendered.lamps.items()}
     bright = replace(condition, rendered=replace(condition.rendered, lamps=L))
     state = State(bright)
     span = 2**SENSOR.bits_out - 1 - SENSOR.black_level
     assert 0.8 * span < state.signal.max() < span
-    over = (state.signal - 0.55 * span) / (0.05 * span)
-    lost = -0.25 * 0.05 * span * np.logaddexp(0, over)
+    over = (state.signal - knee * span) / (width * span)
+    lost = -share * width * span * np.logaddexp(0, over)
     terms = saturation_terms([bright], Tolerances())
-    assert len(terms) == len(KNEES)
+    assert len(terms) == sum(k * span < state.signal.max() for k in KNEES)
     X = np.stack([t.field(state).ravel() for t in terms], axis=1)
-    a, *_ = np.linalg.lstsq(X, lost.ravel(), rcond=None)
-    left = lost.ravel() - X @ a
-    assert np.sqrt(np.mean(left**2)) < 0.15 * np.sqrt(np.mean(lost**2))
+
+    def left(X: np.ndarray) -> float:
+        a, *_ = np.linalg.lstsq(X, lost.ravel(), rcond=None)
+        return float(np.linalg.norm(lost.ravel() - X @ a) / np.linalg.norm(lost))
+
+    assert left(X) < least
+    assert all(t.low == 0 for t in terms)  # what rises instead is no well
     dark = replace(condition, rendered=replace(condition.rendered, lamps={k: 0.5 * v for k, v in L.items()}))
     assert saturation_terms([dark], Tolerances()) == []
