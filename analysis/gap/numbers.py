@@ -17,6 +17,7 @@ from analysis.gap.terms import Cause
 ROUNDS = 3
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 STRAIGHT = 0.003  # rms over the signal that a number may change the image by from where it was linearised
+ALIKE = 1e-9  # of what numbers vary by: the least that is more than rounding
 MOST_BENT, STEPS = 4.0, 41  # standard deviations of k2 that a lens which folds may be off by, and tries
 
 
@@ -55,13 +56,14 @@ def possible(there: Evidence, h: Hypothesis) -> np.ndarray:
     if not len(own) or (mean[own] >= there.low[own]).all():
         return mean
     covariance = there.covariance(h, own)
-    inside = covariance[own]
-    unit = np.sqrt(np.diag(inside))
-    factor = np.linalg.cholesky(np.linalg.inv(inside / np.outer(unit, unit)))
+    unit = np.sqrt(np.maximum(np.diag(covariance[own]), 1e-30))
+    alike = covariance[own] / np.outer(unit, unit)
+    values, ways = np.linalg.eigh((alike + alike.T) / 2)
+    root = ways / np.sqrt(np.maximum(values, ALIKE))  # root root' is the inverse
     bounds = (there.low[own] - mean[own]) / unit, np.full(len(own), np.inf)
-    off = unit * lsq_linear(factor.T, np.zeros(len(own)), bounds).x
-    theta = mean + covariance @ np.linalg.solve(inside, off)
-    theta[own] = np.maximum(mean[own] + off, there.low[own])
+    off = lsq_linear(root.T, np.zeros(len(own)), bounds).x
+    theta = mean + (covariance / unit) @ (root @ (root.T @ off))
+    theta[own] = np.maximum(mean[own] + unit * off, there.low[own])
     return np.asarray(theta)
 
 

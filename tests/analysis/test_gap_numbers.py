@@ -53,6 +53,19 @@ def test_numbers_below_their_least_are_that_and_the_rest_is_found_beside_them(
     assert (theta[:3] >= 0).all()
 
 
+def test_numbers_that_nothing_tells_apart_are_no_error() -> None:
+    """Two columns that are the same: their sum alone is told."""
+    evidence = _evidence(np.array([-0.02, 0.1, 0.15, 0.01]), 0.0)
+    e = evidence.e
+    pick = [1, 1, 2, 3]
+    same = replace(e, G=e.G[np.ix_(pick, pick)], b=e.b[pick] - 4e4 * 0.4 * np.array([0, 0, 1, 0]))
+    twice = Evidence(same, evidence.terms)
+    h = twice.best((GLARE,), {})
+    theta = possible(twice, h)
+    assert twice.theta(h)[:3].min() < 0 <= theta[:3].min()
+    assert theta[0] == pytest.approx(theta[1], rel=1e-6)
+
+
 def test_numbers_that_may_be_what_they_are_stay() -> None:
     truth = np.array([-0.02, 0.1, 0.15, 0.01])
     evidence = _evidence(truth, -np.inf)
