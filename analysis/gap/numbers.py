@@ -37,7 +37,7 @@ def numbers(search: Search, stand: Stand, h: Hypothesis) -> Model:
         parts, kept = search.linearised(search.model(at, at), search.terms, at, kept, anew)
         there = Evidence(total_of(parts), search.terms, spikes=stand.evidence.spike[:q])
         if not set(h.causes) <= set(there.members):  # one of them cannot be seen there
-            return search.model(stand.evidence.theta(h)[:q], stand.at)
+            return search.model(possible(stand.evidence, h)[:q], stand.at)
         found = there.best(h.causes, dict(zip(h.causes, h.slabs, strict=True)))
         theta, folded = _unfolded(search, there, found, members)
         aim = search.start(members, theta)

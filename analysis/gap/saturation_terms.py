@@ -1,6 +1,6 @@
 """Terms of a well that fills up softly: what is lost above a share k of the sensor's range R.
 
-∂S/∂c_k = -max(S - k R, 0)        k in KNEES
+∂S/∂c_k = -max(S - k R, 0)        k in KNEES, c_k >= 0
 
 Any knee is about a sum of these. A hard one shows in the files themselves (analysis.gap.code_findings).
 """
@@ -16,7 +16,7 @@ from analysis.gap.terms import Field, Term
 from interchange.camera import Sensor
 from interchange.captures import Tolerances
 
-KNEES = (0.5, 0.7, 0.8, 0.9)  # of the range: below, it is a response curve; above, little is compared
+KNEES = (0.5, 0.7, 0.8, 0.9)  # of the range: below, it is a response curve; above, hardly a pixel is compared
 LEAST = 1e-3  # of an image's pixels that must be brighter
 
 
