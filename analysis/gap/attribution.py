@@ -1,6 +1,10 @@
-"""What each effect found, and what else the best hypothesis has, takes off the gap on captures held out."""
+"""What each effect found, and what else the best hypothesis has, takes off the gap on captures held out.
 
-from collections.abc import Callable, Sequence
+A set of causes is fitted as a whole again, with what calibration may be off by: what is fitted beside a cause may undo
+what that does, and goes with it (Lindeman, Merenda, Gold: Introduction to bivariate and multivariate analysis, 1980).
+"""
+
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +13,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT, STAGES
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
+from analysis.gap.parallel import each
 from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
@@ -25,7 +30,11 @@ Cause = tuple[str, str]
 @dataclass(frozen=True, eq=False)
 class Attribution:
     """``players``: effects found by the fit, and what is outside the catalogue; ``chi2`` of every set of them, and of a
-    fixed pattern where its map is known, on the held-out captures; ``share``: what each takes off it (Shapley)."""
+    fixed pattern where its map is known, on the held-out captures; ``share``: what each takes off it (Shapley).
+
+    No cause at all is ``before``, the file at its best within what it declares: a fit without any would take up what
+    the causes do with errors of calibration that nobody would believe.
+    """
 
     players: dict[str, tuple[Cause, ...]]
     chi2: dict[frozenset[str], float]
@@ -51,16 +60,14 @@ def attribution(
         name = cause[0] if cause[0] in CATALOGUED else UNKNOWN
         players[name] = (*players.get(name, ()), cause)
     chi2: dict[frozenset[str], float] = {}
-    sets = Sets(fitted)
+    images_of: dict[frozenset[str], Images] = {frozenset(): before, frozenset(players): after}
     everything = [*players, *([PATTERN] if maps else [])]
 
     def simulated(names: frozenset[str]) -> Images:
-        if not names:
-            return before
-        if len(names) == len(players):
-            return after
-        out = [c for n, causes in players.items() if n not in names for c in causes]
-        return [sets.simulated(out, c) for c in held]
+        if names not in images_of:
+            model = fitted.stood(fitted.best.of([c for n in players if n in names for c in players[n]]))
+            images_of[names] = each(model.simulated, held)
+        return images_of[names]
 
     def closed(names: frozenset[str]) -> float:
         images = simulated(names - {PATTERN})
@@ -70,6 +77,14 @@ def attribution(
 
     share = shares(everything, closed)
     return Attribution(players, chi2, share)
+
+
+def claimed(
+    fitted: Fit, held: Sequence[Condition], by: Yardstick, taken: Attribution, carried: Collection[str]
+) -> float:
+    """χ of what a corrected scene that carries some of the effects shows, all else being as it was fitted."""
+    sets, out = Sets(fitted), [c for n, causes in taken.players.items() if n not in carried for c in causes]
+    return by.chi2([sets.simulated(out, c) for c in held]) ** 0.5
 
 
 def called(fitted: Fit) -> list[Cause]:

@@ -50,12 +50,7 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
         worst = min(left, key=lambda c: left[c], default=None)
         if worst is None or left[worst] >= KEPT:
             return fitted
-        kept = [k for k, c in enumerate(best.causes) if c != worst]
-        fewer = replace(
-            best,
-            causes=tuple(best.causes[k] for k in kept),
-            slabs=tuple(best.slabs[k] for k in kept),
-        )
+        fewer = best.of([c for c in best.causes if c != worst])
         fitted = replace(
             fitted,
             after=without(fitted, [worst]) if fewer.causes else fitted.before,
@@ -96,7 +91,7 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     off = sums[:, 2] - sums[:, 4]
     if not kept or off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
         return fitted
-    nothing = replace(fitted.best, causes=(), slabs=())
+    nothing = fitted.best.of(())
     return replace(
         fitted,
         after=fitted.before,
@@ -115,8 +110,7 @@ def only_called(fitted: Fit) -> Fit:
         return fitted
     if not kept:
         return replace(fitted, after=fitted.before)
-    fewer = replace(best, causes=tuple(kept), slabs=tuple(best.slabs[best.causes.index(c)] for c in kept))
-    return replace(fitted, after=fitted.stood(fewer))
+    return replace(fitted, after=fitted.stood(best.of(kept)))
 
 
 def taken_off(by: Yardstick, before: Images, after: Images) -> float:

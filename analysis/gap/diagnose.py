@@ -17,6 +17,7 @@ from analysis.gap.attribution import (
     Cause,
     Told,
     attribution,
+    claimed,
     waterfall,
     without,
 )
@@ -215,9 +216,9 @@ def diagnose(
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
-        claim = taken.chi2.get(carried & frozenset(taken.players), shrunk.before**2)
+        claim = claimed(fitted, held, by, taken, carried)
         errors = without(fitted, fitted.best.causes)
-        check = verified(scene_file, held, errors, by, claim**0.5, render, settings, cache, told)
+        check = verified(scene_file, held, errors, by, claim, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = [
         *_refuted(fitted),

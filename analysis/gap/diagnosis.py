@@ -43,7 +43,8 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect that the evidence supports. ``gap_without``: χ on held-out captures with all others but it.
+    """One effect that the evidence supports. ``gap_without``: χ on held-out captures with all others but it, which
+    are fitted anew then; alone, of the file at its best.
 
     ``share`` of the mean χ² before that it takes off (Shapley's): those of all effects, what is outside the
     catalogue, what stays unexplained and the noise add up to 1. Noise moves no mean, so its share is 0.

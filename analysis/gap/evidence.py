@@ -9,8 +9,7 @@ and p(M) ∝ prior(M) Z_M^(1/τ). All are told from one inverse: with C = A⁻¹
 
     A_M = A + U Δ U',  Δ = slab⁻² - spike⁻²,  A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C
 
-A hypothesis whose term is below what it may be does not count, nor one whose path is as
-wide as it is long.
+A hypothesis whose term is below what it may be does not count, nor one whose path is as wide as it is long.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
@@ -19,7 +18,7 @@ Woodbury: Inverting modified matrices. 1950.
 
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
 
@@ -57,6 +56,11 @@ class Hypothesis:
     @property
     def score(self) -> float:
         return self.log_prior + self.log_Z / TAU
+
+    def of(self, causes: Sequence[Cause]) -> "Hypothesis":
+        """Some of its causes, as wide as here; not weighed."""
+        slabs = dict(zip(self.causes, self.slabs, strict=True))
+        return replace(self, causes=tuple(causes), slabs=tuple(slabs[c] for c in causes))
 
 
 class Widened:

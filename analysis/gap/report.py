@@ -14,7 +14,17 @@ from analysis.gap.diagnosis import Diagnosis, Finding, stage_of, write_text
 from analysis.gap.ledger import NOISE, Share
 from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.report_pictures import gap_map, shown, waterfall
-from analysis.gap.report_words import evidence, meaning, next_captures, number, plain, sentence, why, why_not
+from analysis.gap.report_words import (
+    evidence,
+    interval,
+    meaning,
+    next_captures,
+    number,
+    plain,
+    sentence,
+    why,
+    why_not,
+)
 from interchange.captures import Captures
 from interchange.effects.parts import called
 from interchange.parameter import parameters
@@ -135,7 +145,7 @@ def _pictures(found: Diagnosed, k: int) -> dict[str, np.ndarray]:
 def _effect(f: Finding, found: Diagnosed) -> str:
     rows = "".join(
         f"<tr><td>{html.escape(n)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
-        f"<td>{number(p.value - 1.96 * p.sigma, p.sigma)} to {number(p.value + 1.96 * p.sigma, p.sigma)}</td>"
+        f"<td>{interval(f.name, n, p)}</td>"
         f"<td>{html.escape('' if p.unit == '1' else p.unit)}</td></tr>"
         for n, p in f.parameters.items()
     )
@@ -181,14 +191,14 @@ def _gap(d: Diagnosis) -> str:
     head += "<th class=n>edges, rms px</th><th class=n>mean px</th>" if e else ""
     head += f"<th class=n>error of {html.escape(m.name)}</th>" if m else ""
     rows = []
-    for name, chi, interval, dn in (
+    for name, chi, ci95, dn in (
         ("as written", g.as_written, None, g.rmse_dn_as_written),
         ("before", g.before, g.ci95_before, g.rmse_dn_before),
         ("after", g.after, g.ci95_after, g.rmse_dn_after),
     ):
         key = name.replace(" ", "_")
         cells = [f"<b>{name}</b>: {EXPLAINED[name]}", f"{chi:.3f}"]
-        cells += [f"{interval[0]:.3f} to {interval[1]:.3f}" if interval else "", f"{dn:.2f}"]
+        cells += [f"{ci95[0]:.3f} to {ci95[1]:.3f}" if ci95 else "", f"{dn:.2f}"]
         if e:
             cells += [f"{getattr(e, key).rms:.3f}", f"{getattr(e, key).mean:+.3f}"]
         if m:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 from analysis.gap import aperture
 from analysis.gap.conditions import Condition
-from analysis.gap.diagnosis import Diagnosis, Finding, names
+from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, names
 from analysis.gap.fit import Fit
 from interchange.effects import MODELS
+from interchange.parameter import parameters
 
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
 
@@ -49,6 +50,14 @@ def number(value: float, sigma: float) -> str:
         return f"{value:.4g}"
     digits = max(0, 1 - math.floor(math.log10(sigma)))
     return f"{value:.{min(digits, 8)}f}"
+
+
+def interval(effect: str, name: str, found: Estimate) -> str:
+    """A parameter's 95 % interval, as far as it lies within what the catalogue lets the parameter be."""
+    about = parameters(MODELS[effect]).get(name.split()[-1]) if effect in MODELS else None
+    low, high = (about.low, about.high) if about else (-math.inf, math.inf)
+    ends = (max(found.value - 1.96 * found.sigma, low), min(found.value + 1.96 * found.sigma, high))
+    return " to ".join(number(x, found.sigma) for x in ends)
 
 
 def evidence(fit: Fit, finding: Finding) -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import Sets, without
+from analysis.gap.attribution import Sets, attribution, claimed, without
 from analysis.gap.calling import confirmed, no_worse
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import record
@@ -152,6 +152,36 @@ def test_what_is_before_is_the_file_as_written_where_that_fits_better(vignetting
     nothing = no_worse(fitted_to, off)
     assert not nothing.before.theta.any()
     assert nothing.after is fit.after
+
+
+def test_a_cause_that_lamps_undo_takes_nothing_off(vignetting: Diagnosed) -> None:
+    """An exposure 5 % longer under lamps 5 % darker: both go together, and without them all is as it was."""
+    fitted, held = vignetting.fit, vignetting.held_out
+    theta = fitted.after.theta.copy()
+    for i, t in enumerate(fitted.terms):
+        longer = t.candidate == ("exposure", "") and t.parameter == "scale"
+        theta[i] += 0.05 * longer - 0.05 * (t.cause == "light_intensity")
+    after = replace(fitted.after, theta=theta)
+    best = replace(
+        fitted.best, causes=(*fitted.best.causes, ("exposure", "")), slabs=(*fitted.best.slabs, 0.1)
+    )
+    undone = replace(
+        fitted,
+        after=after,
+        hypotheses=(best, *fitted.hypotheses),
+        probability={**fitted.probability, ("exposure", ""): 0.99},
+    )
+    by = yardstick(held, vignetting.simulations.after, 1.0)
+    both = [after.simulated(c) for c in held]
+    chi2 = by.chi2(vignetting.simulations.after)
+    assert by.chi2(both) == pytest.approx(chi2, rel=0.1)
+    before = vignetting.simulations.before
+    taken = attribution(undone, held, by, before, both, None, lambda what, share: None)
+    assert taken.lacking("exposure") == pytest.approx(chi2, rel=1e-3)
+    assert sum(taken.share.values()) == pytest.approx(by.chi2(before) - by.chi2(both), rel=1e-9)
+    alone = claimed(undone, held, by, taken, {"vignetting"})
+    assert alone**2 > 2 * chi2  # with the lamps as they were fitted beside the exposure
+    assert claimed(undone, held, by, taken, set(taken.players)) == pytest.approx(by.chi2(both) ** 0.5)
 
 
 def test_the_corrected_scene_has_the_effect(rig: Rig, vignetting: Diagnosed) -> None:

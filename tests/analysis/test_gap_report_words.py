@@ -1,4 +1,4 @@
-"""What the report says of rivals."""
+"""What the report says of rivals and of numbers."""
 
 import math
 from types import SimpleNamespace
@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from analysis.gap.report_words import why_not
+from analysis.gap.diagnosis import Estimate
+from analysis.gap.report_words import interval, why_not
 
 
 def _fit(instead: float) -> Any:
@@ -27,3 +28,18 @@ def test_a_rival_is_told_by_how_much_less_probable_it_is(instead: float, said: s
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "said"),
+    [
+        ("veiling_glare", "g", 0.0, "0.00 to 0.20"),  # no light is scattered less than not at all
+        ("veiling_glare", "g", 0.5, "0.30 to 0.70"),
+        ("veiling_glare", "g", 0.9, "0.70 to 1.00"),
+        ("vignetting", "a2", 0.0, "-0.20 to 0.20"),
+        ("light_position", "lamp dx", 0.0, "-0.20 to 0.20"),
+        ("fixed_pattern", "rms in places", 0.5, "0.30 to 0.70"),
+    ],
+)
+def test_an_interval_ends_where_a_parameter_does(effect: str, name: str, value: float, said: str) -> None:
+    assert interval(effect, name, Estimate(value, 0.1, "1")) == said
