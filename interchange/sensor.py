@@ -91,6 +91,8 @@ class Sensor:
     exposure_delay: float = parameter(
         0.0, "t_0", "s", -1, 1, "time that the shutter is open beyond the exposure that is set"
     )
+    image_path: tuple[float, ...] = (0.0, 0.0)  # px that the image moves by in any exposure, columns and rows
+    image_speed: tuple[float, ...] = (0.0, 0.0)  # px/s, of the same
     frame_rate: float = parameter(0.0, "f_p", "1/s", 0, 1e6, "frames a second; 0 is not set")
     demosaic: Demosaic = Demosaic.BILINEAR
     white_balance: Color = parameter((1, 1, 1), "w", "1", 0, 64, "gain of each channel's DN", Kind.COLOR)
@@ -105,7 +107,15 @@ class Sensor:
 
     def __post_init__(self) -> None:
         freeze(self)
-        freeze_numbers(self, hot_pixels=2, color_crosstalk=6, color_correction=9, response_lut=None)
+        freeze_numbers(
+            self,
+            hot_pixels=2,
+            image_path=2,
+            image_speed=2,
+            color_crosstalk=6,
+            color_correction=9,
+            response_lut=None,
+        )
         object.__setattr__(self, "resolution", tuple(int(n) for n in self.resolution))
         object.__setattr__(self, "pixel_pitch", tuple(float(x) for x in self.pixel_pitch))
         object.__setattr__(self, "jpeg_subsampling", bool(self.jpeg_subsampling))

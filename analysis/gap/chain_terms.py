@@ -71,13 +71,13 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
         found = []
         steady = ("", VIBRATION) if name == "motion_blur" and differ(exposures) else ("",)
         for parameter, about, target in ((*x, t) for t in steady for x in parameters(model).items()):
-            if (name, parameter) in REDUNDANT:
+            if (name, parameter) in REDUNDANT or parameter in model.per_second.values():
                 continue
             own = model.of(state.camera)
             start = float(getattr(own, parameter))
-            grows = parameter in model.grows_with_exposure and target != VIBRATION
+            grows = parameter in model.per_second and target != VIBRATION
             t_exp = state.camera.t_exp if grows else 0.0
-            told = subpixel(model, parameter, start, t_exp) if finely else None
+            told = subpixel(own, parameter, t_exp, state.camera) if finely else None
             if told is None:
                 told = _by_difference(state, own, parameter, about, base, signal, t_exp)
             if told is None:

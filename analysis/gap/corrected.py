@@ -37,12 +37,14 @@ STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z
 @dataclass(frozen=True)
 class Change:
     """An effect on ``target`` (a prim path, or "" for all): its parameters, and what they are without it, or None where
-    the values stand for whatever the cameras have."""
+    the values stand for whatever the cameras have. ``t_exp`` s: the exposure that values which grow with it are told
+    at; 0 where none does."""
 
     effect: str
     target: str
     values: dict[str, float]
     without: dict[str, float] | None
+    t_exp: float = 0.0
 
 
 def write_corrected(
@@ -109,11 +111,13 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         return _filling_up(camera, change)
     own = model.of(camera)
     start = change.without
-    given = {
-        n: x if start is None else getattr(own, n) + x - start[n]
-        for n, x in change.values.items()
-        if n in parameters(model)
-    }
+    given = {}
+    for n, x in change.values.items():
+        speed = model.per_second.get(n) if change.t_exp else None
+        if speed is not None and start is not None:
+            given[speed] = getattr(own, speed) + (x - start[n]) / change.t_exp
+        elif n in parameters(model):
+            given[n] = x if start is None else getattr(own, n) + x - start[n]
     if not given and DARK not in change.values:
         return camera
     effect = replace(own, **_within(model, given))  # type: ignore[type-var]

@@ -281,14 +281,17 @@ def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edge
 def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
+    told_at: dict[Cause, float] = {}
     for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
         if term.cause in names and term.candidate in fitted.best.causes and term.family is None:
             pair = (term.value(float(theta)), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
-    return [
-        Change(name, target, *(signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1)))
-        for (name, target), values in found.items()
-    ]
+            told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
+    changes = []
+    for (name, target), values in found.items():
+        new, old = (signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1))
+        changes.append(Change(name, target, new, old, told_at[name, target]))
+    return changes
 
 
 def _noise_change(noise: NoiseFinding) -> Change:

@@ -74,7 +74,7 @@ def told_apart(
     if channels != 3:
         lateral = LateralChromaticAberration()
     sigma, slopes = _with_discs(camera, defocus.blur, differing.slopes(camera))
-    optics = FineOptics(lateral, (sigma, motion.u, motion.v, slopes if slopes.are_there else EVEN))
+    optics = FineOptics(lateral, (sigma, *motion.path(camera), slopes if slopes.are_there else EVEN))
     if not optics.is_there:
         return optics, camera, list(effects)
     rest = [
@@ -85,7 +85,7 @@ def told_apart(
     if Defocus in given:
         rest.append(replace(defocus, blur=0.0))
     if MotionBlur in given:
-        rest.append(replace(motion, u=0.0, v=0.0))
+        rest.append(replace(motion, **dict.fromkeys(motion.carried_by, 0.0)))
     return optics, _without(camera), rest
 
 
@@ -108,6 +108,6 @@ def _has_round_discs(camera: Camera) -> bool:
 @lru_cache(maxsize=64)
 def _without(camera: Camera) -> Camera:
     """The same object for the same camera, as chains of effects are kept by it."""
-    apart = LateralChromaticAberration().on(camera)
+    apart = MotionBlur().on(LateralChromaticAberration().on(camera))
     discs = (0.0,) * 4 if _has_round_discs(camera) else camera.lens.field_blur
     return replace(apart, lens=replace(apart.lens, blur=0.0, field_blur=discs))

@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
+from interchange.camera import Camera
 from interchange.effects import Effect
 from interchange.effects.defocus import Defocus
 from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
@@ -26,20 +27,19 @@ SMALL = 1e-5  # of the difference that a channel's shift is told by
 PATH = 1 / 12  # variance of a path over its length's square
 
 
-def subpixel(model: type[Effect], parameter: str, start: float, t_exp: float) -> tuple[Field, int] | None:
+def subpixel(own: Effect, parameter: str, t_exp: float, camera: Camera) -> tuple[Field, int] | None:
     """DN a unit, and the power of ``parameter`` that the unit is of; None of what is no such effect, or is a square of
-    which the camera has some already, ``start``.
+    which ``own``, the camera's, has some already.
 
     ``t_exp`` s: the exposure that a path is told at, 0 where it is as long in every one.
     """
-    if model is LateralChromaticAberration:
+    if isinstance(own, LateralChromaticAberration):
         return _apart(parameter), 1
-    if start:
-        return None
-    if model is Defocus and parameter == "blur":
+    if isinstance(own, Defocus) and parameter == "blur" and not own.blur:
         return _blurred, 2
-    if model is MotionBlur and parameter in ("u", "v"):
-        return _along(0 if parameter == "u" else 1, t_exp), 2
+    if isinstance(own, MotionBlur) and parameter in ("u", "v"):
+        axis = "uv".index(parameter)
+        return (_along(axis, t_exp), 2) if not own.path(camera)[axis] else None
     return None
 
 

@@ -53,9 +53,9 @@ class Effect:
     pointwise: ClassVar[bool] = False  # a pixel depends on itself alone: the image may come in bands of rows
     achromatic: ClassVar[bool] = False  # linear, and alike for all channels: it may act on their mean
     always: ClassVar[bool] = False  # part of every camera, whatever its parameters
-    grows_with_exposure: ClassVar[
-        tuple[str, ...]
-    ] = ()  # parameters that are proportional to the exposure time
+    per_second: ClassVar[
+        dict[str, str]
+    ] = {}  # parameters that may grow with the exposure time, each with the one that says how fast
     physical: ClassVar[
         dict[str, float]
     ] = {}  # least values that nature gives, where the formula allows for less

@@ -1,21 +1,29 @@
 """What moves while the shutter is open is drawn along its path, around where it is in the middle of the exposure.
 
 The path of every pixel is the pass ``motion`` (px until the next frame) times the share of the frame that the
-shutter is open; where all light comes from one flash, the part of it that the flash lights. A camera that moves or a
-web that runs past it gives one path (u, v) to the whole image. An image without the pass is of a scene that stands
-still. Exact, for paths that cross each other too, are renderings of moments (interchange.moments).
+shutter is open; where all light comes from one flash, the part of it that the flash lights. An image without the pass
+is of a scene that stands still. Exact, for paths that cross each other too, are renderings of moments
+(interchange.moments).
+
+A camera that moves or a web that runs past it gives one path to the whole image, straight and evenly run through:
+
+    (u, v) + (speed_u, speed_v) · exposure time
+
+of which (u, v) is there in every exposure, as a vibration's is that is done with many times in each. A blur does not
+tell which way along its path the image runs: the rows of a rolling shutter lean by the pass alone.
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import cv2
 import numpy as np
 
 from interchange.camera import Camera
-from interchange.effects.base import Effect, Stage
+from interchange.effects.base import Effect, Stage, carried
 from interchange.filtering import convolve, line, resample
 from interchange.image import Image
-from interchange.lamps.exposed import lit
+from interchange.lamps.exposed import STROBED, lit
 from interchange.parameter import parameter
 
 MOST_STEPS = 64  # along a path; it is sampled twice a pixel up to there
@@ -33,30 +41,54 @@ class MotionBlur(Effect):
     confused_with = ("defocus", "rolling_shutter", "anisotropy")
     separated_by = "the same scene with a tenth of the exposure time and ten times the light"
     achromatic = True
-    grows_with_exposure = ("u", "v")
+    per_second: ClassVar[dict[str, str]] = {"u": "speed_u", "v": "speed_v"}
+    carried_by = carried(
+        u="sensor.image_path.0",
+        v="sensor.image_path.1",
+        speed_u="sensor.image_speed.0",
+        speed_v="sensor.image_speed.1",
+    )
 
-    u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during the exposure")
-    v: float = parameter(0.0, "v", "px", -1e3, 1e3, "rows that the image moves during the exposure")
+    u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during any exposure")
+    v: float = parameter(0.0, "v", "px", -1e3, 1e3, "rows that the image moves during any exposure")
+    speed_u: float = parameter(0.0, "u'", "px/s", -1e9, 1e9, "columns that the image moves a second")
+    speed_v: float = parameter(0.0, "v'", "px/s", -1e9, 1e9, "rows that the image moves a second")
     shutter: float = parameter(
         0.0, "s", "1", 0, 1e3, "exposure time over the time that pass motion stands for"
     )
 
     @classmethod
     def of(cls, camera: Camera) -> "MotionBlur":
-        return cls(shutter=camera.t_exp * camera.sensor.frame_rate)
+        return replace(super().of(camera), shutter=camera.t_exp * camera.sensor.frame_rate)
+
+    def path(self, camera: Camera) -> tuple[float, float]:
+        """(u, v) px that the image moves by while the camera exposes it."""
+        return self.u + self.speed_u * camera.t_exp, self.v + self.speed_v * camera.t_exp
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         pixels = image.pixels
-        if self.u or self.v:
-            pixels = convolve(pixels, line(self.u, self.v))
-        if self.shutter and (motion := image.passes.get("motion")) is not None:
-            pixels = _along(image, pixels, np.nan_to_num(motion * np.float32(self.shutter)))
-        return replace(image, pixels=pixels)
+        u, v = (self.u, self.v) if self._flashes(image) else self.path(camera)
+        if u or v:
+            pixels = convolve(pixels, line(u, v))
+        moved = np.zeros((*pixels.shape[:2], 2), np.float32)
+        if self._has_pass(image):
+            moved += np.nan_to_num(image.passes["motion"] * np.float32(self.shutter))
+        if self._flashes(image):
+            moved += np.float32(camera.t_exp) * np.array([self.speed_u, self.speed_v], np.float32)
+        return replace(image, pixels=_along(image, pixels, moved))
 
     def kernels(self, image: Image, camera: Camera) -> list[np.ndarray] | None:
-        if self.shutter and "motion" in image.passes:
+        if self._has_pass(image) or self._flashes(image):
             return None
-        return [line(self.u, self.v) if self.u or self.v else np.ones((1, 1), np.float32)]
+        u, v = self.path(camera)
+        return [line(u, v) if u or v else np.ones((1, 1), np.float32)]
+
+    def _has_pass(self, image: Image) -> bool:
+        return bool(self.shutter) and "motion" in image.passes
+
+    def _flashes(self, image: Image) -> bool:
+        """Whether the image runs on while a flash lights a part of the exposure alone."""
+        return bool(self.speed_u or self.speed_v) and STROBED in image.made_by
 
 
 def _along(image: Image, pixels: np.ndarray, path: np.ndarray) -> np.ndarray:

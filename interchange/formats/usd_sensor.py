@@ -55,6 +55,8 @@ ATTRIBUTES = (
     Attribute("sensor:colorCrosstalk", NAMES.DoubleArray, "sensor", "color_crosstalk"),
     Attribute("sensor:lineTime", NAMES.Double, "sensor", "line_time"),
     Attribute("sensor:exposureDelay", NAMES.Double, "sensor", "exposure_delay"),
+    Attribute("sensor:imagePath", NAMES.DoubleArray, "sensor", "image_path"),
+    Attribute("sensor:imageSpeed", NAMES.DoubleArray, "sensor", "image_speed"),
     Attribute("sensor:frameRate", NAMES.Double, "sensor", "frame_rate"),
     Attribute("sensor:demosaic", NAMES.Token, "sensor", "demosaic"),
     Attribute("sensor:whiteBalance", NAMES.Double3, "sensor", "white_balance"),

@@ -228,6 +228,22 @@ def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condi
     assert changed(scene, scene, change).cameras[0].sensor.dark_current == pytest.approx(100)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_corrected_scene_runs_as_fast_as_a_motion_and_shakes_as_far_as_a_vibration(way: float) -> None:
+    """1.2 and 0.4 px at 8 ms, beside what the camera has: its own path at any exposure is what was found."""
+    own = Camera("c", t_exp=0.002, sensor=Sensor(image_path=(0.1, 0.0), image_speed=(0.0, 50.0)))
+    scene = replace(Scene(), cameras=(own,))
+    for target, t_exp in (("", 0.008), (VIBRATION, 0.0)):
+        new, old = signed({"u": 1.2, "v": 0.4, PRODUCT: way}), {"u": 0.0, "v": 0.0}
+        camera = changed(scene, scene, Change("motion_blur", target, new, old, t_exp)).cameras[0]
+        for t in (0.002, 0.008):
+            there = MotionBlur.of(replace(camera, t_exp=t)).path(replace(camera, t_exp=t))
+            was = MotionBlur.of(own).path(replace(own, t_exp=t))
+            grown = t / t_exp if t_exp else 1.0
+            more = np.array([1.2, way * 0.4]) * grown
+            assert there == pytest.approx(tuple(np.array(was) + more))
+
+
 def test_a_late_shutter_is_what_the_effect_gives_where_exposures_tell(condition: Condition) -> None:
     """20 ms beyond 1 s and 4 s, by the effect itself; of one exposure it is the exposure."""
     longer = replace(condition, camera=replace(condition.camera, t_exp=4.0))

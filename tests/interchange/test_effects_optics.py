@@ -1,6 +1,6 @@
 """What the lens and time do to irradiance, against closed forms. Images are small and smooth or single points."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -21,8 +21,10 @@ from interchange.effects.vignetting import Vignetting
 from interchange.exposure import expose
 from interchange.filtering import airy, airy_kernel, convolve, diffraction_mtf, disc, line
 from interchange.image import Image, Quantity
+from interchange.lamps.exposed import STROBED
 from interchange.moments import over_exposure
 from interchange.scene import Scene
+from interchange.strobe import Strobe
 
 SIZE = (101, 81)
 CAMERA = Camera(sensor=Sensor(SIZE, (5e-6, 5e-6)), lens=Lens(0.025))
@@ -301,6 +303,30 @@ def test_the_motion_pass_gives_what_moving_renderings_give():
     assert got == pytest.approx(want, abs=1e-3)  # 24 steps along 6 px; a spot of σ = 3 px
     uniform = MotionBlur(6.0, 2.0).apply(blobs([(50, 40)]), c, None).pixels
     assert uniform == pytest.approx(want, abs=1e-3)
+
+
+@pytest.mark.parametrize("t_exp", [0.001, 0.004])
+def test_an_image_that_runs_past_a_camera_blurs_with_the_exposure_time(t_exp):
+    """1500 px/s and 0.5 px of a vibration beside it, against the mean over moments of where the image is."""
+    sensor = replace(CAMERA.sensor, image_path=(0.5, 0.0), image_speed=(1500.0, -500.0))
+    c = replace(CAMERA, t_exp=t_exp, sensor=sensor)
+    got = expose(blobs([(50, 40)]), c, until=Quantity.IRRADIANCE).pixels / t_exp
+    still = replace(CAMERA, t_exp=t_exp)
+    path = np.array([0.5 + 1500 * t_exp, -500 * t_exp])
+    moments_ = [blobs([tuple(np.array([50, 40]) + k * path)]) for k in (np.arange(64) + 0.5) / 64 - 0.5]
+    want = np.mean([expose(m, still, until=Quantity.IRRADIANCE).pixels for m in moments_], axis=0) / t_exp
+    assert got == pytest.approx(want, abs=1e-3 * want.max())  # 64 steps along 6.8 px; a spot of σ = 3 px
+
+
+def test_a_flash_lights_its_part_of_the_way_alone():
+    """A web at 3000 px/s, 4 ms of exposure, lit for 1 ms of it from 0.5 ms on: 3 px, 3 px behind the middle."""
+    c = replace(CAMERA, t_exp=0.004, sensor=replace(CAMERA.sensor, image_speed=(3000.0, 0.0)))
+    flash = asdict(Strobe(start=0.0005, duration=0.001))
+    made = {STROBED: {"flash": flash, "bands": [], "t_exp_s": 0.004, "line_time_s": 0.0, "seconds": 0.0}}
+    spot = replace(blobs([(50, 40)]), made_by=made)
+    centre, variance = moments(MotionBlur.of(c).apply(spot, c, None).pixels[..., 0])
+    assert centre == pytest.approx((50 - 3, 40), abs=0.01)
+    assert np.array(variance) == pytest.approx((9 + 9 / 12, 9), abs=0.03)  # drawn in eight steps
 
 
 def test_a_rolling_shutter_slants_what_moves():
