@@ -97,9 +97,12 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
                 raise BrightfieldError("No number of a scene file says which way a grain runs.")
             effect = replace(effect, cross=0.0, diagonal=0.0)
         return effect.on_scene(scene, target)
-    of_one = change.target in {camera.name for camera in scene.cameras}
+    name = change.target.partition(", ")[
+        0
+    ]  # of one, whose effect may be of a kind: "/World/Camera, vibration"
+    of_one = name in {camera.name for camera in scene.cameras}
     cameras = tuple(
-        _with_effect(c, model, change) if c.name == change.target or not of_one else c for c in scene.cameras
+        _with_effect(c, model, change) if c.name == name or not of_one else c for c in scene.cameras
     )
     if all(a is b for a, b in zip(cameras, scene.cameras, strict=True)):
         return scene

@@ -232,10 +232,11 @@ def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condi
 def test_a_corrected_scene_runs_as_fast_as_a_motion_and_shakes_as_far_as_a_vibration(way: float) -> None:
     """1.2 and 0.4 px at 8 ms, beside what the camera has: its own path at any exposure is what was found."""
     own = Camera("c", t_exp=0.002, sensor=Sensor(image_path=(0.1, 0.0), image_speed=(0.0, 50.0)))
-    scene = replace(Scene(), cameras=(own,))
-    for target, t_exp in (("", 0.008), (VIBRATION, 0.0)):
+    scene = replace(Scene(), cameras=(own, replace(own, name="d")))
+    for target, t_exp in (("", 0.008), (VIBRATION, 0.0), ("c", 0.008), (f"c, {VIBRATION}", 0.0)):
         new, old = signed({"u": 1.2, "v": 0.4, PRODUCT: way}), {"u": 0.0, "v": 0.0}
-        camera = changed(scene, scene, Change("motion_blur", target, new, old, t_exp)).cameras[0]
+        camera, other = changed(scene, scene, Change("motion_blur", target, new, old, t_exp)).cameras
+        assert other.sensor == (own.sensor if target.startswith("c") else camera.sensor)
         for t in (0.002, 0.008):
             there = MotionBlur.of(replace(camera, t_exp=t)).path(replace(camera, t_exp=t))
             was = MotionBlur.of(own).path(replace(own, t_exp=t))
