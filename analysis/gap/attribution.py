@@ -1,7 +1,7 @@
 """What each effect found, and what else the best hypothesis has, takes off the gap on captures held out.
 
-A set of causes is fitted as a whole again, with what calibration may be off by: what is fitted beside a cause may undo
-what that does, and goes with it (Lindeman, Merenda, Gold: Introduction to bivariate and multivariate analysis, 1980).
+A set of causes is fitted again, with what calibration may be off by: what was fitted beside a cause may undo what that
+does, and goes with it (Lindeman, Merenda, Gold: Introduction to bivariate and multivariate analysis, 1980).
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -13,6 +13,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT, STAGES
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
+from analysis.gap.numbers import possible
 from analysis.gap.parallel import each
 from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
@@ -65,8 +66,8 @@ def attribution(
 
     def simulated(names: frozenset[str]) -> Images:
         if names not in images_of:
-            model = fitted.stood(fitted.best.of([c for n in players if n in names for c in players[n]]))
-            images_of[names] = each(model.simulated, held)
+            out = [c for n, causes in players.items() if n not in names for c in causes]
+            images_of[names] = each(refitted(fitted, out).simulated, held)
         return images_of[names]
 
     def closed(names: frozenset[str]) -> float:
@@ -121,6 +122,16 @@ def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
     return replace(
         after, theta=np.where(out, before.theta, after.theta), at=np.where(out, before.at, after.at)
     )
+
+
+def refitted(fitted: Fit, causes: Sequence[Cause]) -> Model:
+    """The best model without some of its causes, all else being fitted to that: what the evidence has of every number
+    without them more than with them, told where the fit stands."""
+    kept = [c for c in called(fitted) if c not in causes]
+    fewer, best = (possible(fitted.weighed, fitted.best.of(s)) for s in (kept, called(fitted)))
+    less = without(fitted, causes)
+    still = np.array([t.candidate in causes for t in fitted.terms], bool)
+    return replace(less, theta=less.theta + np.where(still, 0.0, (fewer - best)[: len(still)]))
 
 
 def waterfall(g: Gap, attribution: Attribution) -> tuple[Step, ...]:
