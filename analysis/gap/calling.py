@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -38,14 +39,14 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """
     sets = Sets(fitted)
     while True:
-        best, after = fitted.best, [fitted.after.simulated(c) for c in held]
+        best, after = fitted.best, each(fitted.after.simulated, held)
         gone = [c for c in sets.causes if c not in best.causes]
         left = {}
         for cause in best.causes:
             if best.causes == (cause,):  # then what the file claims at its best is all that is left
-                less = [fitted.before.simulated(c) for c in held]
+                less = each(fitted.before.simulated, held)
             else:
-                less = [sets.simulated([*gone, cause], c) for c in held]
+                less = each(partial(sets.simulated, [*gone, cause]), held)
             left[cause] = taken_off(by, less, after)
         worst = min(left, key=lambda c: left[c], default=None)
         if worst is None or left[worst] >= KEPT:
@@ -86,7 +87,7 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Without any cause where all that is called makes the held-out captures surely worse than the file at its best
     does: what calibration may be off by was fitted beside them."""
     kept = called(fitted)
-    both = ([model.simulated(c) for c in held] for model in (fitted.before, fitted.after))
+    both = (each(model.simulated, held) for model in (fitted.before, fitted.after))
     sums = by.blocks(*both)
     off = sums[:, 2] - sums[:, 4]
     if not kept or off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):

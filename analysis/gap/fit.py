@@ -25,10 +25,11 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.numbers import numbers
+from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes
 from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
-from analysis.gap.scales import shares
+from analysis.gap.scales import shares, told_apart
 from analysis.gap.search import Search, Stand, Told
 from analysis.gap.terms import Cause, Term
 from interchange.captures import Tolerances
@@ -95,8 +96,9 @@ def fit(
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
     without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
     where the scene has it, with the light that goes by way of other surfaces."""
-    terms = tuple(_terms(conditions, tolerances, knots))
-    parts = shares(terms, lambda t: _terms(conditions, t, knots), tolerances)
+    both = (tolerances, told_apart(tolerances))
+    terms, apart = each(lambda t: tuple(_terms(conditions, t, knots)), both)
+    parts = shares(terms, apart)
     search = Search(conditions, terms, knots, told, parts)
     told("registration", 0.0)
     first = search.scaled(search.stand(search.registered(), {}, "evidence", {}))

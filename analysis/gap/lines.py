@@ -12,12 +12,14 @@ alike.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import flat
+from analysis.gap.parallel import each
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 
@@ -60,7 +62,7 @@ def without_lines(conditions: Sequence[Condition]) -> tuple[list[Condition], tup
             shown = [out[k] for k in own if not out[k].held_out]
             if len({c.mean.shape for c in shown}) != 1:
                 continue
-            planes = [_planes(c, axis) for c in shown]
+            planes = each(partial(_planes, axis=axis), shown)
             halves = np.sum([_sums(x) for x in planes], axis=0)
             signals = np.array([float(np.average(s, weights=w)) for s, w, _ in planes if w.any()])
             if not len(signals):  # edges everywhere

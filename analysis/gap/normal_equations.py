@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from analysis.gap.conditions import Condition
 from analysis.gap.sensitivities import Sensitivities, sensitivities
@@ -117,26 +118,27 @@ def equations(
     w = (1.0 / v)[mask].reshape(-1).astype(np.float32)
     s = state.signal[mask].reshape(-1)
     T = BLOCK**2 / state.stride**2
-    XW = X * w
+    root = np.sqrt(w)
+    X = X * root  # of a matrix and itself transposed BLAS computes a half
     q = len(terms)
     G, b = np.zeros((q, q)), np.zeros(q)
-    G[np.ix_(few, few)] = XW @ X.T
-    b[few] = XW @ r
+    G[np.ix_(few, few)] = X @ X.T
+    b[few] = X @ (root * r)
     if S is not None:
-        across = np.asarray(S @ XW.T)
+        S = sparse.csr_array(S * root[None, :])
+        across = np.asarray(S @ X.T)
         G[np.ix_(many, few)], G[np.ix_(few, many)] = across, across.T
-        SW = S * w[None, :]
-        G[np.ix_(many, many)] = (SW @ S.T).toarray()
-        b[many] = SW @ r
+        G[np.ix_(many, many)] = (S @ S.T).toarray()
+        b[many] = S @ (root * r)
     bent = None
     if bends:
         N = np.stack([x[mask].reshape(-1) for x in bends]).astype(np.float32)
-        NW = N * w
+        N = N * root
         across = np.zeros((len(N), q))
-        across[:, few] = NW @ X.T
+        across[:, few] = N @ X.T
         if S is not None:
-            across[:, many] = np.asarray(S @ NW.T).T
-        bent = Bends(across / T, (NW @ r).astype(np.float64) / T, (NW @ N.T).astype(np.float64) / T)
+            across[:, many] = np.asarray(S @ N.T).T
+        bent = Bends(across / T, (N @ (root * r)).astype(np.float64) / T, (N @ N.T).astype(np.float64) / T)
     signal = float(np.sum(w * s * s, dtype=np.float64)) / T
     return NormalEquations(
         G=G / T,

@@ -280,10 +280,17 @@ def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dic
     return out
 
 
+def single(plane: np.ndarray) -> np.ndarray:
+    """float32 of the same; halves by OpenCV, which takes a ninth of NumPy's time for them."""
+    if plane.dtype != np.float16:
+        return np.asarray(plane, np.float32)
+    return cv2.convertFp16(np.ascontiguousarray(plane).view(np.int16)).reshape(plane.shape)
+
+
 def means(plane: np.ndarray, n: int) -> np.ndarray:
     """(h // n, w // n, C) float32 over n x n of (h, w, C); what is left over at the end is left out."""
     h, w = plane.shape[0] // n, plane.shape[1] // n
-    part = np.ascontiguousarray(plane[: h * n, : w * n], np.float32)
+    part = np.ascontiguousarray(single(plane[: h * n, : w * n]))
     mean = cv2.resize(part, (w, h), interpolation=cv2.INTER_AREA)
     return np.asarray(mean.reshape(h, w, plane.shape[2]))
 

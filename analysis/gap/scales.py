@@ -9,7 +9,7 @@ be. One number that is four tolerances off is an effect; a dozen of them are a t
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import product
 
@@ -41,17 +41,25 @@ Shares = dict[str, np.ndarray]
 Place = dict[str, int]  # number of the factor of each tolerance
 
 
-def shares(
-    terms: Sequence[Term], of: Callable[[Tolerances], Sequence[Term]], tolerances: Tolerances
-) -> Shares:
+def _times() -> dict[str, float]:
+    """A number of its own for each tolerance, by which it is known among the spikes."""
+    return {f.name: float(k + 2) for k, f in enumerate(fields(Tolerances))}
+
+
+def told_apart(tolerances: Tolerances) -> Tolerances:
+    """The same, each as many times as large as no other is."""
+    return replace(
+        tolerances, **{name: times * getattr(tolerances, name) for name, times in _times().items()}
+    )
+
+
+def shares(before: Sequence[Term], after: Sequence[Term]) -> Shares:
     """{tolerance: (q,)}: 1 for the terms whose spike goes with it; ``UNDECLARED`` ones apart from the flat field and
-    the lamps' intensities that they are shares of (analysis.gap.left). ``of``: the terms under other tolerances."""
-    times = {f.name: float(k + 2) for k, f in enumerate(fields(tolerances))}
-    wider = {name: factor * getattr(tolerances, name) for name, factor in times.items()}
-    before, after = terms, of(replace(tolerances, **wider))
+    the lamps' intensities that they are shares of (analysis.gap.left). ``after``: the same terms under the tolerances
+    ``told_apart``."""
     spikes = [np.array([t.spike for t in terms]) for terms in (before, after)]
     grown = np.divide(spikes[1], spikes[0], out=np.ones(len(before)), where=spikes[0] > 0)
-    out = {name: np.isclose(grown, factor).astype(float) for name, factor in times.items()}
+    out = {name: np.isclose(grown, factor).astype(float) for name, factor in _times().items()}
     is_field = np.array([t.cause == FACTOR for t in before])
     out[LEFT] = np.where(is_field, 0.0, out["flat_field"])
     out["flat_field"] = np.where(is_field, out["flat_field"], 0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.gap.fine_optics import SHARP, Blur, blurred
 from analysis.gap.knots import Change
 from analysis.gap.parallel import own_property
-from analysis.gap.radiance import FINE, Rendered, means, pixels
+from analysis.gap.radiance import FINE, Rendered, means, pixels, single
 from interchange.filtering import resample
 
 KEPT = 6  # views, of which each has its neighbours
@@ -87,7 +87,7 @@ class Views:
         wider = {}
         place = None if self.flow is None else _places(self.flow, n)
         for name, plane in self.base.fine.items():
-            there = plane.astype(np.float32)
+            there = single(plane)
             if place is not None:
                 there = _resampled(there, place)
             there = blurred(there, self.blur, n)

@@ -8,7 +8,7 @@ import pytest
 from analysis.gap.evidence import Evidence
 from analysis.gap.generic_terms import CAPTURE
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.scales import COLORS, DRIFT, LEFT, averaged, factors, shares, widths
+from analysis.gap.scales import COLORS, DRIFT, LEFT, averaged, factors, shares, told_apart, widths
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -35,7 +35,7 @@ def _evidence(theta: np.ndarray, left: float = 1.0) -> Evidence:
 
 
 def _found(evidence: Evidence) -> dict[str, float]:
-    own = shares(_terms(Tolerances()), _terms, Tolerances())
+    own = shares(_terms(Tolerances()), _terms(told_apart(Tolerances())))
     return factors(evidence, evidence.spike, own, evidence.search())
 
 
@@ -45,7 +45,7 @@ def _drawn(lamps: float, albedos: float, seed: int = 7) -> np.ndarray:
 
 
 def test_what_goes_with_which_tolerance() -> None:
-    own = shares(_terms(Tolerances()), _terms, Tolerances())
+    own = shares(_terms(Tolerances()), _terms(told_apart(Tolerances())))
     assert own["light_intensity"] == pytest.approx([1.0] * EACH + [0.0] * (EACH + 2))
     assert own["flat_field"] == pytest.approx([0.0] * 2 * EACH + [1.0, 0.0])
     assert own[LEFT] == pytest.approx([0.0] * 2 * EACH + [0.0, 1.0])
@@ -67,7 +67,7 @@ def test_a_tolerance_that_is_too_small_is_told_and_no_effect_beside_it() -> None
         found = _found(evidence)
         assert found == {"albedo": pytest.approx(2.2, abs=1)}
         spikes = evidence.spike * widths(
-            shares(_terms(Tolerances()), _terms, Tolerances()), found, len(evidence.terms)
+            shares(_terms(Tolerances()), _terms(told_apart(Tolerances()))), found, len(evidence.terms)
         )
         there = Evidence(evidence.e, evidence.terms, spikes=spikes)
         called["as large as they look"] += bool(there.search()[0].causes)
@@ -80,7 +80,7 @@ def test_what_needs_a_tolerance_to_be_just_so_is_less_probable() -> None:
     nearly the same."""
     theta = _drawn(1, 1)
     theta[EACH : EACH + 3] = [5 * SPIKE, -5 * SPIKE, 5 * SPIKE]
-    evidence, own = _evidence(theta), shares(_terms(Tolerances()), _terms, Tolerances())
+    evidence, own = _evidence(theta), shares(_terms(Tolerances()), _terms(told_apart(Tolerances())))
     hypotheses = evidence.search()
     told = averaged(evidence, evidence.spike, own, hypotheses, {})
     assert {h.causes for h in told} == {h.causes for h in hypotheses}
@@ -135,7 +135,7 @@ def test_what_lamps_are_not_declared_for_is_judged_apart() -> None:
         capture = replace(lamp, cause=CAPTURE, target="001.png", spike=0.2 * t.light_intensity, generic=True)
         return [lamp, color, capture]
 
-    own = shares(terms(Tolerances()), terms, Tolerances())
+    own = shares(terms(Tolerances()), terms(told_apart(Tolerances())))
     assert own["light_intensity"] == pytest.approx([1, 0, 0])
     assert own[COLORS] == pytest.approx([0, 1, 0])
     assert own[DRIFT] == pytest.approx([0, 0, 1])
