@@ -336,7 +336,9 @@ class Evidence:
         """(q, k): of every term with the terms ``index`` under a hypothesis."""
         wide, inner = self._inner(h)
         told = np.asarray(index)
-        columns: np.ndarray = self.C[:, told] - self.C[:, wide] @ np.linalg.solve(inner, self.C[np.ix_(wide, told)])
+        columns: np.ndarray = self.C[:, told] - self.C[:, wide] @ np.linalg.solve(
+            inner, self.C[np.ix_(wide, told)]
+        )
         return np.asarray(self.spike[:, None] * columns * self.spike[told])
 
     def best(self, causes: Iterable[Cause], wide: dict[Cause, float]) -> Hypothesis:

@@ -2,6 +2,7 @@
 
     python benchmarks/blind/run.py --cases DIR --out DIR [--render offline|realtime] [--workers N] [--only ID …]
 
+``program.txt`` has the commit that answers: a set is answered by one program, and going on with another is refused.
 Resumable: a case with a diagnosis.json is not run again. Renderings are kept in one place, since the cases of a scene
 have one scene file; the first case of each scene fills it. ``times.jsonl`` has the seconds of each case.
 """
@@ -26,6 +27,17 @@ def command(case: Path, out: Path, cache: Path, render: str, more: Sequence[str]
         sys.executable, "-m", "composer", "diagnose", str((case / "captures.json").resolve()),
         "--render", render, "--out", str(out.resolve()), "--cache", str(cache.resolve()), *more,
     ]  # fmt: skip
+
+
+def program() -> str:
+    """The commit that is checked out, and whether anything of it was changed."""
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        return done.stdout.strip()
+
+    commit = git("rev-parse", "--short=10", "HEAD") or "unknown"
+    return commit + (" with changes" if git("status", "--porcelain", "--untracked-files=no") else "")
 
 
 def first_of_each_scene(cases: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -72,6 +84,12 @@ def main() -> None:
     )
     args = p.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    record, now = args.out / "program.txt", program()
+    if record.is_file() and record.read_text().strip() != now:
+        p.error(
+            f"{args.out} has answers of {record.read_text().strip()}, and this is {now}: give another --out."
+        )
+    record.write_text(now + "\n")
     cache = args.cache or args.out / "renderings"
     cases = sorted(x.parent for x in (args.cases / "cases").glob("*/captures.json"))
     cases = [c for c in cases if not args.only or c.name in args.only]

@@ -1,7 +1,10 @@
 """Scores diagnoses against labels: tables with exact binomial intervals, and every miss by itself.
 
     python benchmarks/blind/score.py --labels DIR/labels.json --runs DIR [--out docs/blind.md]
-    python benchmarks/blind/score.py --sealed NAME --vault FILE --runs DIR --out docs/blind.md
+    python benchmarks/blind/score.py --sealed NAME --vault FILE --runs DIR [--out FILE]
+    python benchmarks/blind/score.py --kept NAME [NAME …] --out docs/blind.md
+
+What a sealed set said is kept in results/NAME.json when it is opened; sets that one program answered add up.
 
 An answer is right where the effects said are those that are there, no more and no fewer, and nothing is called
 unknown beside them. Causes outside the catalogue are right where something is called unknown (or by the one name of
@@ -14,7 +17,6 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,52 +26,16 @@ from scipy.stats import beta
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
 
-from benchmarks.blind import sealing  # noqa: E402
+from benchmarks.blind import results, sealing  # noqa: E402
 from benchmarks.blind.apart.proposals import OUTSIDE as APART_OUTSIDE  # noqa: E402
 from benchmarks.blind.proposals import ALSO, TIED  # noqa: E402
 from benchmarks.blind.proposals import OUTSIDE as FIRST_OUTSIDE  # noqa: E402
+from benchmarks.blind.results import Answer, Results, answer  # noqa: E402
 
 OUTSIDE = frozenset({*FIRST_OUTSIDE, *APART_OUTSIDE})
 
-PRESENT, CONFIDENT = 0.5, 0.9
+CONFIDENT = 0.9
 BINS = 15
-
-
-@dataclass(frozen=True)
-class Answer:
-    """``said`` {name: probability} of named effects; ``unknown`` whether something is called unknown; ``failed``: none
-    was given; ``smallest`` {name: {"easiest", "hardest"}}: severities that the diagnosis claims to find, None for
-    never."""
-
-    said: dict[str, float]
-    unknown: bool = False
-    failed: bool = False
-    explained: float | None = None
-    parameters: dict[str, dict[str, tuple[float, float]]] | None = None
-    chi: tuple[float, float] | None = None
-    seconds: float | None = None
-    smallest: dict[str, dict[str, float | None]] | None = None
-
-    @property
-    def named(self) -> frozenset[str]:
-        return frozenset(n for n, p in self.said.items() if p > PRESENT)
-
-
-def answer(file: Path) -> Answer:
-    if not file.is_file():
-        return Answer({}, failed=True)
-    d = json.loads(file.read_text())
-    gap = d["gap"]
-    return Answer(
-        {e["name"]: float(e["probability"]) for e in d["effects"]},
-        "unknown" in d["verdict"],
-        False,
-        float(gap["explained"]),
-        {e["name"]: {k: (v["value"], v["sigma"]) for k, v in e["parameters"].items()} for e in d["effects"]},
-        (float(gap["before"]), float(gap["after"])),
-        float(d["seconds"]),
-        d.get("smallest", {}),
-    )
 
 
 def interval(k: int, n: int, level: float = 0.95) -> tuple[float, float]:
@@ -338,39 +304,84 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def heading(sets: Sequence[Results], opened: str) -> str:
+    """Which sets these are, by whom they were answered, and how many cases they have."""
+    lines = [
+        f"Sealed set {r.name}, labels SHA-256 `{r.sha256}`, {opened}, answered by commit {r.program}: "
+        f"{len(r.cases)} cases{_left_out(r.left_out)}."
+        for r in sets
+    ]
+    if len(sets) > 1:
+        lines.append(f"{sum(len(r.cases) for r in sets)} cases in all.")
+    return "\n".join(lines)
+
+
+def _left_out(n: int) -> str:
+    return f"; {n} that were planned have no amplitude of the severity wanted" if n else ""
+
+
+def program_of(runs: Path) -> str:
+    file = runs / "program.txt"
+    return file.read_text().strip() if file.is_file() else "unknown"
+
+
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--labels", type=Path, help="of a rehearsal set")
     p.add_argument("--sealed", default="", metavar="NAME", help="of a sealed set, as in seals.json")
+    p.add_argument(
+        "--kept", nargs="+", default=[], metavar="NAME", help="sealed sets that were opened before"
+    )
+    p.add_argument(
+        "--programs-differ", action="store_true", help="of --kept: the page says whose answers they are"
+    )
     p.add_argument("--vault", type=Path, help="the sealed set's labels")
     p.add_argument("--again", action="store_true", help="score a sealed set once more; the page says so")
-    p.add_argument("--runs", type=Path, required=True, help="what run.py wrote")
+    p.add_argument("--runs", type=Path, help="what run.py wrote")
     p.add_argument("--out", type=Path, help="Markdown (default: printed)")
     p.add_argument("--run-only", action="store_true", help="of a rehearsal: leave out what was not run yet")
     args = p.parse_args()
-    if bool(args.labels) == bool(args.sealed) or (args.sealed and (args.vault is None or args.run_only)):
-        p.error("give --labels, or --sealed with --vault and every case")
-    if args.sealed:
+    if [bool(args.labels), bool(args.sealed), bool(args.kept)].count(True) != 1:
+        p.error("give one of --labels, --sealed and --kept")
+    if not args.kept and args.runs is None:
+        p.error("give --runs, what run.py wrote")
+    if args.sealed and (args.vault is None or args.run_only):
+        p.error("a sealed set needs --vault and every case")
+    if args.kept:
+        sets = [results.read(results.FOLDER / f"{name}.json") for name in args.kept]
+        labels, answers = results.together(sets, args.programs_differ)
+        head = heading(sets, "opened once")
+    elif args.sealed:
         data, before = sealing.opened(args.vault, HERE / "seals.json", args.sealed, args.again)
         sha = json.loads((HERE / "seals.json").read_text())[args.sealed]["sha256"]
-        head = f"Sealed set {args.sealed}, labels SHA-256 `{sha}`, opened once."
-        if before:
-            head = head.replace("opened once", f"opened {before + 1} times: no longer blind")
+        labels, out = _parted(data)
+        answers = _answers(args.runs, labels)
+        cases = tuple((x, answers[x["case"]]) for x in labels)
+        found = Results(args.sealed, sha, program_of(args.runs), len(out), cases)
+        head = heading([found], f"opened {before + 1} times: no longer blind" if before else "opened once")
+        if not before:
+            print(f"{results.write(found)} written: commit it.", file=sys.stderr)
     else:
-        data, head = json.loads(args.labels.read_text()), "Rehearsal set: its labels were open."
-    out = [x for x in data["cases"] if "left out" in x]
-    labels = [x for x in data["cases"] if "left out" not in x]
-    if args.run_only:
-        ends = ("diagnosis.json", "failed.txt")
-        labels = [x for x in labels if any((args.runs / x["case"] / f).is_file() for f in ends)]
-    answers = {x["case"]: answer(args.runs / x["case"] / "diagnosis.json") for x in labels}
-    head += f" {len(labels)} cases"
-    head += f"; {len(out)} that were planned have no amplitude of the severity wanted." if out else "."
+        labels, out = _parted(json.loads(args.labels.read_text()))
+        if args.run_only:
+            ends = ("diagnosis.json", "failed.txt")
+            labels = [x for x in labels if any((args.runs / x["case"] / f).is_file() for f in ends)]
+        answers = _answers(args.runs, labels)
+        head = f"Rehearsal set: its labels were open. {len(labels)} cases{_left_out(len(out))}."
     page = f"{head}\n\n{table(labels, answers)}"
     if args.out:
         sealing.write_atomic(args.out, page.encode())
     else:
         print(page)
+
+
+def _parted(data: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Labels of the cases that there are, and of those that could not be made."""
+    return [x for x in data["cases"] if "left out" not in x], [x for x in data["cases"] if "left out" in x]
+
+
+def _answers(runs: Path, labels: Sequence[dict[str, Any]]) -> dict[str, Answer]:
+    return {x["case"]: answer(runs / x["case"] / "diagnosis.json") for x in labels}
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.blind import sealing
+from benchmarks.blind import results, sealing
+from benchmarks.blind.results import Results
 from benchmarks.blind.score import Answer, answer, calibration, confidently_wrong, interval, right, table
 
 
@@ -108,3 +109,53 @@ def test_a_page_lists_every_miss(tmp_path: Path):
     missed = page.split("Every case")[1]
     assert all(f"| {case} |" in missed for case in ("n2", "s2", "gone"))
     assert not any(f"| {case} |" in missed for case in ("n1", "s1", "o1"))
+
+
+def _kept(name: str, program: str, *cases: str) -> Results:
+    said = Answer(
+        {"vignetting": 0.912345678},
+        explained=0.97,
+        parameters={"vignetting": {"scale": (1.0123456789, 0.01)}},
+        chi=(2.5, 1.05),
+        seconds=31.0,
+        smallest={
+            "vignetting": {"easiest": 0.001, "hardest": None},
+            "gloss": {"easiest": 0.1, "hardest": 0.2},
+        },
+    )
+    none = Answer({}, failed=True)
+    labels = [_label(c, "single", "vignetting") for c in cases]
+    return Results(
+        name, "ab" * 32, program, 1, tuple(zip(labels, [said, *[none] * len(cases)], strict=False))
+    )
+
+
+def test_what_a_set_said_is_kept_without_its_seed(tmp_path: Path):
+    kept = _kept("first", "1234567", "a", "b")
+    for label, _ in kept.cases:
+        label["seed"] = 5
+    file = results.write(kept, tmp_path)
+    assert '"seed"' not in file.read_text()
+    again = results.read(file)
+    assert (again.name, again.sha256, again.program, again.left_out) == ("first", "ab" * 32, "1234567", 1)
+    (label, said), (_, none) = again.cases
+    assert label["case"] == "a"
+    assert none == Answer({}, failed=True, parameters={})
+    assert said.said == {"vignetting": 0.91235}
+    assert said.chi == (2.5, 1.05)
+    assert said.parameters == {"vignetting": {"scale": (1.0123, 0.01)}}
+    assert said.smallest == {"vignetting": {"easiest": 0.001, "hardest": None}}  # of its own effects alone
+
+
+def test_sets_add_up_that_one_program_answered():
+    one, two = _kept("first", "1234567", "a", "b"), _kept("second", "1234567", "c")
+    labels, answers = results.together([one, two])
+    assert [x["case"] for x in labels] == ["a", "b", "c"]
+    assert set(answers) == {"a", "b", "c"}
+    assert "one effect, exact, 1 % | 2/3" in table(labels, answers)
+    other = _kept("third", "89abcde", "d")
+    with pytest.raises(sealing.SealError, match="89abcde"):
+        results.together([one, other])
+    assert len(results.together([one, other], may_differ=True)[0]) == 3
+    with pytest.raises(sealing.SealError, match="two of the sets"):
+        results.together([one, _kept("fourth", "1234567", "b")])
