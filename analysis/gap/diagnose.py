@@ -55,6 +55,7 @@ from analysis.gap.rehearsing import rehearse
 from analysis.gap.scales import UNDECLARED
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, gap, yardstick
+from analysis.gap.structure import structure
 from analysis.gap.terms import Term
 from analysis.gap.verify import verified
 from interchange.captures import Captures
@@ -245,6 +246,7 @@ def diagnose(
         smallest=detectable(fitted.evidence, fitted.declared),
         over_declared=fitted.factors,
         rehearsal=rehearsal,
+        left=structure(all_of_them, corrected),
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 

@@ -16,6 +16,7 @@ from analysis.gap.metric import Metric
 from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.shapley import Step
 from analysis.gap.shrinkage import Gap
+from analysis.gap.structure import STEPS, Structure
 from analysis.gap.verify import Verification
 
 PRESENT = 0.5  # from which probability on an effect is called
@@ -84,6 +85,7 @@ class Diagnosis:
     to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured. ``smallest``: of each
     effect, what would have been found. ``over_declared``: how large a tolerance looks over what is declared, of those
     that do not look as declared. ``rehearsal``: of cases that were simulated, what probabilities are calibrated on.
+    ``left``: whether what is left away from edges has structure.
     """
 
     effects: tuple[Finding, ...]
@@ -100,6 +102,7 @@ class Diagnosis:
     smallest: tuple[Detectable, ...] = ()
     over_declared: dict[str, float] = field(default_factory=dict)
     rehearsal: Rehearsal | None = None
+    left: Structure | None = None
 
     @property
     def verdict(self) -> str:
@@ -111,7 +114,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
     ``smallest`` (rms over the signal that an effect would be found from, ``easiest`` and ``hardest``; null: never),
-    ``tolerances_over_declared``, ``rehearsal``, ``notes``."""
+    ``tolerances_over_declared``, ``rehearsal``, ``left`` (of σ², away from edges), ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -163,6 +166,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
         },
         "tolerances_over_declared": d.over_declared,
         "rehearsal": _rehearsal(d.rehearsal) if d.rehearsal else None,
+        "left": _left(d.left) if d.left else None,
         "notes": list(d.notes),
     }
 
@@ -178,6 +182,11 @@ def _edges(e: Edges) -> dict[str, Any]:
 
 def _rehearsal(r: Rehearsal) -> dict[str, Any]:
     return {"temperature": r.temperature, "cases": [asdict(c) for c in r.cases]}
+
+
+def _left(s: Structure) -> dict[str, Any]:
+    by_step = {f"{d} px": {"near": a, "fixed": b} for d, a, b in zip(STEPS, s.near, s.fixed, strict=True)}
+    return {"white": s.white, "structure": by_step}
 
 
 def _metric(m: Metric) -> dict[str, Any]:

@@ -1,0 +1,77 @@
+"""What is left and has structure, against what was put in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.conditions import Condition, conditions
+from analysis.gap.expected import noise_variance
+from analysis.gap.fixed_pattern import flat
+from analysis.gap.structure import STEPS, structure
+from tests.analysis.gap_bench import TIMES, Rig
+
+Shown = tuple[list[Condition], list[np.ndarray], list[np.ndarray]]
+
+
+@pytest.fixture(scope="module")
+def shown(rig: Rig) -> Shown:
+    """Conditions whose captures are their own simulation and noise of its size, the simulations, and σ."""
+    rng = np.random.default_rng(5)
+    whole, expected, sigmas = [], [], []
+    found = conditions(rig.captured("null", ()), rig.document)
+    for c, r in zip(found, [r for t, r in zip(TIMES, rig.truth, strict=True) if t != 7], strict=True):
+        there = replace(c, rendered=r)
+        dn = there.simulated().dn
+        temporal, pattern = noise_variance(dn, c.camera)
+        sigma = np.sqrt(temporal / len(c.captures) + pattern)
+        whole.append(replace(there, mean=dn + sigma * rng.standard_normal(dn.shape)))
+        expected.append(dn)
+        sigmas.append(sigma)
+    return whole, expected, sigmas
+
+
+def _values(shown: Shown) -> int:
+    return sum(int((flat(c, dn)[1] > 0).sum()) for c, dn in zip(*shown[:2], strict=True))
+
+
+def test_noise_has_none(shown: Shown) -> None:
+    left = structure(*shown[:2])
+    n = _values(shown)
+    assert abs(left.white) < 5 * np.sqrt(2 / n)  # of n squares of unit normals
+    assert max(abs(x) for x in left.near) < 5 / np.sqrt(
+        n
+    )  # each pair of values once along either axis: n of them or more
+
+
+def test_white_noise_of_another_kind_is_white(shown: Shown) -> None:
+    """Of 0.2 of the sensor's variance, alike in all channels, as a path tracer's."""
+    whole, expected, sigmas = shown
+    rng = np.random.default_rng(6)
+    more = [
+        replace(c, mean=c.mean + np.sqrt(0.2) * s * rng.standard_normal((*s.shape[:2], 1)))
+        for c, s in zip(whole, sigmas, strict=True)
+    ]
+    left, n = structure(more, expected), _values(shown)
+    assert left.white == pytest.approx(
+        0.2, abs=5 * 1.2 * np.sqrt(2 * 1.7 / n)
+    )  # channels are not independent
+    assert max(abs(x) for x in left.near) < 5 * 1.2 * np.sqrt(1.7 / n)
+
+
+def test_a_wave_fixed_to_the_image_stands_out_in_the_mean_of_conditions(shown: Shown) -> None:
+    """sin over 40 columns, 0.3 σ: 0.045 (1 + cos(2 π d / 40)) / 2 on the mean of both axes, all conditions of a camera
+    together as many times as much."""
+    whole, expected, sigmas = shown
+    wave = 0.3 * np.sin(2 * np.pi * np.arange(expected[0].shape[1]) / 40)[None, :, None]
+    more = [replace(c, mean=c.mean + s * wave) for c, s in zip(whole, sigmas, strict=True)]
+    plain, left = structure(*shown[:2]), structure(more, expected)
+    counts = [
+        sum(c.camera.name == name for c in whole) for name in dict.fromkeys(c.camera.name for c in whole)
+    ]
+    for k, d in enumerate(STEPS):
+        wanted = 0.045 * (1 + np.cos(2 * np.pi * d / 40)) / 2
+        assert left.near[k] - plain.near[k] == pytest.approx(
+            wanted, rel=0.25
+        )  # pixels away from edges are no whole waves
+        assert left.fixed[k] - plain.fixed[k] == pytest.approx(wanted * np.mean(counts), rel=0.35)
