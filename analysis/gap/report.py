@@ -22,6 +22,7 @@ from analysis.gap.report_words import (
     number,
     plain,
     sentence,
+    what_is_left,
     why,
     why_not,
 )
@@ -71,6 +72,7 @@ def write_report(path: Path, found: Diagnosed, captures: Captures) -> None:
         ledger="".join(_kind(kind, d.where.of(kind)) for kind in TITLES if d.where.of(kind)),
         total=f"{d.where.total:.3f}",
         floor=f"{d.where.noise:.3f}",
+        left=html.escape(what_is_left(d)),
         measured="measured from repeats"
         if d.where.measured
         else "from the sensor's model; there are no repeats",

@@ -8,10 +8,12 @@ from analysis.gap import aperture
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, names
 from analysis.gap.fit import Fit
+from analysis.gap.structure import STEPS
 from interchange.effects import MODELS
 from interchange.parameter import parameters
 
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
+WHITE = 0.02  # of σ², from which on it is worth a word
 
 
 def sentence(d: Diagnosis) -> str:
@@ -38,6 +40,24 @@ def sentence(d: Diagnosis) -> str:
                 f"The gap comes from {names(d.effects)} and from something that the catalogue does not have "
                 f"({d.unknown[0][0]}); together that closes {closing}."
             )
+
+
+def what_is_left(d: Diagnosis) -> str:
+    """Whether what is left away from edges is noise."""
+    if d.left is None:
+        return ""
+    at = STEPS.index(2)
+    shared = max(d.left.near[at], 0.0)
+    words = (
+        f"With what was found, away from edges, {100 * max(d.left.white, 0.0):.1f} % of σ² more than the sensor's noise "
+        f"is left from pixel to pixel, and {100 * shared:.1f} % is shared by pixels {STEPS[at]} px apart."
+    )
+    if d.left.white > WHITE and d.left.white > 2 * shared:
+        words += (
+            " What no neighbour shares is no effect of light, optics or surfaces: it is noise that the sensor's "
+            "numbers do not have, or a path tracer's, where captures are rendered."
+        )
+    return words
 
 
 def plain(name: str) -> str:

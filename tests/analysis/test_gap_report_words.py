@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from analysis.gap.diagnosis import Estimate
-from analysis.gap.report_words import interval, why_not
+from analysis.gap.report_words import interval, what_is_left, why_not
+from analysis.gap.structure import Structure
 
 
 def _fit(instead: float) -> Any:
@@ -43,3 +44,18 @@ def test_a_rival_is_told_by_how_much_less_probable_it_is(instead: float, said: s
 )
 def test_an_interval_ends_where_a_parameter_does(effect: str, name: str, value: float, said: str) -> None:
     assert interval(effect, name, Estimate(value, 0.1, "1")) == said
+
+
+@pytest.mark.parametrize(
+    ("left", "said", "noise"),
+    [
+        (Structure(0.064, (0.004, 0.003, 0.002, 0.001), (0.0,) * 4), ("6.4 % of", "0.3 % is shared"), True),
+        (Structure(0.064, (0.2, 0.15, 0.1, 0.05), (0.0,) * 4), ("6.4 % of", "15.0 % is shared"), False),
+        (Structure(-0.001, (0.0, -0.001, 0.0, 0.0), (0.0,) * 4), ("0.0 % of", "0.0 % is shared"), False),
+    ],
+)
+def test_what_is_left_is_noise_or_is_not(left: Structure, said: tuple[str, str], noise: bool) -> None:
+    found: Any = SimpleNamespace(left=left)
+    words = what_is_left(found)
+    assert all(w in words for w in said)
+    assert ("no effect of light" in words) == noise
