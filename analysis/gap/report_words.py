@@ -49,8 +49,8 @@ def what_is_left(d: Diagnosis) -> str:
     at = STEPS.index(2)
     shared = max(d.left.near[at], 0.0)
     words = (
-        f"With what was found, away from edges, {100 * max(d.left.white, 0.0):.1f} % of σ² more than the sensor's noise "
-        f"is left from pixel to pixel, and {100 * shared:.1f} % is shared by pixels {STEPS[at]} px apart."
+        f"With what was found, away from edges, {100 * max(d.left.white, 0.0):.1f} % of σ² more than the sensor's "
+        f"noise is left from pixel to pixel, and {100 * shared:.1f} % is shared by pixels {STEPS[at]} px apart."
     )
     if d.left.white > WHITE and d.left.white > 2 * shared:
         words += (

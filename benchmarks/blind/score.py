@@ -186,6 +186,24 @@ SIDES: tuple[tuple[str, Any, Any], ...] = (  # score, the cases that it is about
 )
 
 
+def by_claim(singles: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[str]:
+    """Lines of a table: of each severity, what the diagnosis says that its captures would show, and what it found."""
+    if not singles:
+        return []
+    lines = [
+        "",
+        f"| one effect | {' | '.join(f'of those {w}' for w in CLAIMS.values())} | of which it says nothing |",
+    ]
+    lines.append("|---|" + "---|" * (len(CLAIMS) + 1))
+    for severity in sorted({_wanted(x) for x in singles}):
+        cells = []
+        for claim in [*CLAIMS, None]:
+            of = [x for x in singles if _wanted(x) == severity and findable(x, answers[x["case"]]) == claim]
+            cells.append(f"{sum(right(x, answers[x['case']], True) for x in of)}/{len(of)}" if of else "–")
+        lines.append(f"| {100 * severity:g} % | {' | '.join(cells)} |")
+    return lines
+
+
 def side_by_side(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[str]:
     """Lines of a table of both kinds of cases; none where all are of one."""
     kinds = [[x for x in labels if bool(x.get("apart")) == apart] for apart in (False, True)]
@@ -281,6 +299,7 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     if seconds := [a.seconds for a in answers.values() if a.seconds is not None]:
         lines.append(f"| time of a case | median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s |")
 
+    lines += by_claim(found, answers)
     lines += side_by_side(labels, answers)
     lines += ["", "| effect | exact | named | called where it is not |", "|---|---|---|---|"]
     for name in sorted(

@@ -159,3 +159,17 @@ def test_sets_add_up_that_one_program_answered():
     assert len(results.together([one, other], may_differ=True)[0]) == 3
     with pytest.raises(sealing.SealError, match="two of the sets"):
         results.together([one, _kept("fourth", "1234567", "b")])
+
+
+def test_a_table_says_what_was_claimed_of_each_severity():
+    told = {"vignetting": {"easiest": 0.004, "hardest": 0.015}, "gloss": {"easiest": 0.02, "hardest": None}}
+    labels = [
+        _label("a", "single", "vignetting", wanted=0.02),
+        _label("b", "single", "vignetting", wanted=0.01),
+        _label("c", "single", "gloss", wanted=0.01),
+        _label("d", "single", "defocus", wanted=0.01),
+    ]
+    right = {"a": {"vignetting": 0.9}, "b": {"vignetting": 0.9}, "c": {}, "d": {"defocus": 0.9}}
+    page = table(labels, {c: Answer(said, smallest=told) for c, said in right.items()})
+    assert "| 1 % | – | 1/1 | 0/1 | 1/1 |" in page
+    assert "| 2 % | 1/1 | – | – | – |" in page
