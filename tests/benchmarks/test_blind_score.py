@@ -103,7 +103,7 @@ def test_a_page_lists_every_miss(tmp_path: Path):
     assert "| one effect, exact, 1 % | 1/2 | 50.0 %" in page
     assert "| one effect, of those that it says it finds whatever they are about, exact | 1/1 |" in page
     assert "| one effect, of those that it says it finds where they are easy, exact | 0/1 |" in page
-    assert "that it says it does not find" not in page
+    assert "that it says it does not find, exact" not in page
     assert "| confident (p > 0.9) and wrong, all cases | 2/6 |" in page
     assert "| parameters inside their 95 % interval | 1/1, 100.0 %" in page
     missed = page.split("Every case")[1]
