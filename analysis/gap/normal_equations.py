@@ -43,7 +43,8 @@ class Bends:
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
     """``G`` (q, q), ``b`` (q,), ``rr``; ``signal``: s' W s, by which terms are scaled, and ``own`` (q,): that of the
-    conditions which show a term; ``log_w``: Σ log w; ``count`` of values. All tempered."""
+    conditions which show a term; ``log_w``: Σ log w; ``count`` of values. All tempered. ``G`` is float32 of one
+    condition (as products of float32 are summed) and float64 of many."""
 
     G: np.ndarray
     b: np.ndarray
@@ -118,18 +119,18 @@ def equations(
     w = (1.0 / v)[mask].reshape(-1).astype(np.float32)
     s = state.signal[mask].reshape(-1)
     T = BLOCK**2 / state.stride**2
-    root = np.sqrt(w)
-    X = X * root  # of a matrix and itself transposed BLAS computes a half
+    root = np.sqrt(w / np.float32(T))
+    X, r = X * root, r * root  # of a matrix and itself transposed BLAS computes a half
     q = len(terms)
-    G, b = np.zeros((q, q)), np.zeros(q)
+    G, b = np.zeros((q, q), np.float32), np.zeros(q)
     G[np.ix_(few, few)] = X @ X.T
-    b[few] = X @ (root * r)
+    b[few] = X @ r
     if S is not None:
         S = sparse.csr_array(S * root[None, :])
         across = np.asarray(S @ X.T)
         G[np.ix_(many, few)], G[np.ix_(few, many)] = across, across.T
         G[np.ix_(many, many)] = (S @ S.T).toarray()
-        b[many] = S @ (root * r)
+        b[many] = S @ r
     bent = None
     if bends:
         N = np.stack([x[mask].reshape(-1) for x in bends]).astype(np.float32)
@@ -138,12 +139,12 @@ def equations(
         across[:, few] = N @ X.T
         if S is not None:
             across[:, many] = np.asarray(S @ N.T).T
-        bent = Bends(across / T, (N @ (root * r)).astype(np.float64) / T, (N @ N.T).astype(np.float64) / T)
+        bent = Bends(across, (N @ r).astype(np.float64), (N @ N.T).astype(np.float64))
     signal = float(np.sum(w * s * s, dtype=np.float64)) / T
     return NormalEquations(
-        G=G / T,
-        b=b / T,
-        rr=float(np.sum(w * r * r, dtype=np.float64)) / T,
+        G=G,
+        b=b,
+        rr=float(np.sum(r * r, dtype=np.float64)),
         signal=signal,
         own=np.where(np.diag(G) > 0, signal, 0.0),
         log_w=float(np.log(w, dtype=np.float64).sum()) / T,
@@ -159,7 +160,12 @@ def stride_for(conditions: Sequence[Condition]) -> int:
 
 
 def total_of(parts: Sequence[NormalEquations]) -> NormalEquations:
-    total = parts[0]
-    for part in parts[1:]:
+    """The sum, ``G`` in float64."""
+    G = np.zeros(parts[0].G.shape)
+    for part in parts:  # in place: each is some 30 MB
+        G += part.G
+    rest = [replace(part, G=np.zeros((0, 0))) for part in parts]
+    total = rest[0]
+    for part in rest[1:]:
         total = total + part
-    return total
+    return replace(total, G=G)

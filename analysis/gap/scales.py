@@ -9,6 +9,7 @@ be. One number that is four tolerances off is an effect; a dozen of them are a t
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import product
@@ -27,6 +28,7 @@ GUESSED = 0.7  # the same of those that were not declared: to a factor of two
 # numbers that share a tolerance, and how many cameras, lamps or materials they are of, to tell it
 LEAST, THINGS = 6, 3
 MANY = 20  # numbers that tell it of whatever they are: a field's waves
+KEPT = 48  # evidences, of which each is some MB
 RESCALED = 2  # times that tolerances are looked at with other hypotheses
 LEAD = 8  # hypotheses that are looked at, besides the parts of the best one
 NEAR = 12.0  # how far below the best one's score they are averaged
@@ -98,36 +100,48 @@ class Ladder:
         self.shares = {name: np.append(part, forms)[kept] for name, part in shares.items()}
         seen = self.e.share > 0
         self.judged = [name for name, part in self.shares.items() if self._many(part * seen > 0.5)]
-        self._scores: dict[tuple[int, ...], np.ndarray] = {}
+        self._scores: dict[tuple[int, ...], dict[int, float]] = {}
+        self._evidence: OrderedDict[tuple[int, ...], tuple[Evidence, float]] = OrderedDict()
 
     def _many(self, own: np.ndarray) -> bool:
         """Whether the terms ``own`` (q,) bool tell what their tolerance is: one thing that is off is an effect."""
         things = len({self.terms[i].target for i in np.flatnonzero(own)})
         return int(own.sum()) >= (LEAST if things >= THINGS else MANY)
 
-    def scores(self, place: Place) -> np.ndarray:
-        """(n,): of the hypotheses, with the prior of the factors at ``place``."""
+    def scores(self, place: Place, which: Sequence[int]) -> np.ndarray:
+        """(n,): of the hypotheses ``which``, with the prior of the factors at ``place``."""
         key = tuple(place[name] for name in self.judged)
-        if key not in self._scores:
+        known = self._scores.setdefault(key, {})
+        if todo := [i for i in which if i not in known]:
+            there, prior = self._there(place, key)
+            for i in todo:
+                known[i] = there.at(self.lead[i].causes, self.lead[i].slabs).score + prior
+        return np.array([known[i] for i in which])
+
+    def _there(self, place: Place, key: tuple[int, ...]) -> tuple[Evidence, float]:
+        """The evidence at ``place``, and the log of the factors' prior; the last ``KEPT`` are kept."""
+        if key not in self._evidence:
             wide = widths(self.shares, {n: FACTORS[k] for n, k in place.items()}, len(self.terms))
-            there = Evidence(self.e, self.terms, self.in_force, self.declared * wide)
             prior = sum(
                 -0.5 * (np.log(FACTORS[k]) / (GUESSED if name in UNDECLARED else SPREAD)) ** 2
                 for name, k in zip(self.judged, key, strict=True)
             )
-            found = [there.at(h.causes, h.slabs).score for h in self.lead]
-            self._scores[key] = np.array(found) + float(prior)
-        return self._scores[key]
+            there = Evidence(self.e, self.terms, self.in_force, self.declared * wide)
+            self._evidence[key] = there, float(prior)
+            while len(self._evidence) > KEPT:
+                self._evidence.popitem(last=False)
+        self._evidence.move_to_end(key)
+        return self._evidence[key]
 
-    def climbed(self, place: Place, which: slice) -> Place:
+    def climbed(self, place: Place, which: Sequence[int]) -> Place:
         """Up and down the factors from ``place``, one tolerance after the other, as long as the best of some of the
         hypotheses gains."""
-        best, moved = self.scores(place)[which].max(), True
+        best, moved = self.scores(place, which).max(), True
         while moved:
             moved = False
             for name, way in product(self.judged, (1, -1)):
                 while (k := place[name] + way) in STEPS:
-                    found = self.scores(place | {name: k})[which].max()
+                    found = self.scores(place | {name: k}, which).max()
                     if found <= best:
                         break
                     best, place, moved = found, place | {name: k}, True
@@ -135,11 +149,11 @@ class Ladder:
 
     def averaged(self, place: Place, i: int) -> float:
         """The score of hypothesis ``i`` by all that each tolerance may be, one at a time, around where it is best."""
-        place = self.climbed(place, slice(i, i + 1))
-        there = float(self.scores(place)[i])
+        place = self.climbed(place, [i])
+        there = float(self.scores(place, [i])[0])
         if not np.isfinite(there):
             return there
-        rungs = [[self.scores(place | {name: k})[i] - there for k in STEPS] for name in self.judged]
+        rungs = [[self.scores(place | {name: k}, [i])[0] - there for k in STEPS] for name in self.judged]
         return there + sum(float(np.logaddexp.reduce(np.array(rung))) for rung in rungs)
 
 
@@ -151,7 +165,7 @@ def factors(
     if evidence.left(hypotheses[0]) >= EXPLAINED:
         return {}
     ladder = Ladder(evidence, declared, shares, hypotheses)
-    place = ladder.climbed(dict.fromkeys(ladder.judged, DECLARED), slice(None))
+    place = ladder.climbed(dict.fromkeys(ladder.judged, DECLARED), range(len(ladder.lead)))
     return {name: FACTORS[k] for name, k in place.items() if k != DECLARED}
 
 

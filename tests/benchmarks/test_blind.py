@@ -13,7 +13,7 @@ from benchmarks.blind import chain, proposals, severity, strata, tracing, truth
 from benchmarks.blind.chain import Cause, Frame
 from benchmarks.blind.errors import Tolerances, disturbed, draw, sheets
 from benchmarks.blind.picture import write_png
-from benchmarks.blind.run import first_of_each_scene
+from benchmarks.blind.run import first_of_each_scene, shared_out
 from benchmarks.blind.scene_causes import RENDERED, changed
 from benchmarks.blind.scenes import SCENES, scene
 from benchmarks.blind.tracing import Quality
@@ -323,3 +323,16 @@ def test_pictures_are_png_of_16_bits(tmp_path: Path):
     write_png(tmp_path / "a.png", pixels)
     read = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(read[..., ::-1], pixels)
+
+
+@pytest.mark.parametrize(
+    ("cores", "workers", "own"),
+    [
+        ([0, 1], 1, [{0, 1}]),
+        ([0, 1], 2, [{0}, {1}]),
+        ([2, 3, 5, 7], 2, [{2, 3}, {5, 7}]),
+        ([4], 3, [{4}, {4}, {4}]),  # more workers than cores share them
+    ],
+)
+def test_workers_have_cores_of_their_own(cores: list[int], workers: int, own: list[set[int]]):
+    assert [set(x) for x in shared_out(cores, workers)] == own
