@@ -40,13 +40,15 @@ class Answer:
 @dataclass(frozen=True)
 class Results:
     """Of one set: ``program`` is the commit that answered, ``sha256`` that of the labels; ``cases``: label and answer
-    of each; ``left_out``: how many were planned and have no amplitude of the severity wanted."""
+    of each; ``left_out``: how many were planned and have no amplitude of the severity wanted; ``not_run``: how many
+    there was no time for, the last by name."""
 
     name: str
     sha256: str
     program: str
     left_out: int
     cases: tuple[tuple[dict[str, Any], Answer], ...]
+    not_run: int = 0
 
 
 def answer(file: Path) -> Answer:
@@ -85,7 +87,7 @@ def write(results: Results, folder: Path = FOLDER) -> Path:
 def read(file: Path) -> Results:
     d = json.loads(file.read_text())
     cases = tuple((c["label"], _read_answer(c["answer"])) for c in d["cases"])
-    return Results(d["name"], d["sha256"], d["program"], d["left_out"], cases)
+    return Results(d["name"], d["sha256"], d["program"], d["left_out"], cases, d["not_run"])
 
 
 def _read_answer(d: dict[str, Any]) -> Answer:

@@ -14,6 +14,7 @@ parameter is printed; where a set has both kinds of cases, a table has the main 
 """
 
 import argparse
+import itertools
 import json
 import sys
 from collections.abc import Sequence
@@ -327,12 +328,16 @@ def heading(sets: Sequence[Results], opened: str) -> str:
     """Which sets these are, by whom they were answered, and how many cases they have."""
     lines = [
         f"Sealed set {r.name}, labels SHA-256 `{r.sha256}`, {opened}, answered by commit {r.program}: "
-        f"{len(r.cases)} cases{_left_out(r.left_out)}."
+        f"{len(r.cases)} cases{_not_run(r.not_run)}{_left_out(r.left_out)}."
         for r in sets
     ]
     if len(sets) > 1:
         lines.append(f"{sum(len(r.cases) for r in sets)} cases in all.")
     return "\n".join(lines)
+
+
+def _not_run(n: int) -> str:
+    return f", the first by their names, which are drawn by lot; the other {n} were not run" if n else ""
 
 
 def _left_out(n: int) -> str:
@@ -358,14 +363,18 @@ def main() -> None:
     p.add_argument("--again", action="store_true", help="score a sealed set once more; the page says so")
     p.add_argument("--runs", type=Path, help="what run.py wrote")
     p.add_argument("--out", type=Path, help="Markdown (default: printed)")
-    p.add_argument("--run-only", action="store_true", help="of a rehearsal: leave out what was not run yet")
+    p.add_argument(
+        "--run-only",
+        action="store_true",
+        help="leave out what was not run; of a sealed set all after the first by name that was not",
+    )
     args = p.parse_args()
     if [bool(args.labels), bool(args.sealed), bool(args.kept)].count(True) != 1:
         p.error("give one of --labels, --sealed and --kept")
     if not args.kept and args.runs is None:
         p.error("give --runs, what run.py wrote")
-    if args.sealed and (args.vault is None or args.run_only):
-        p.error("a sealed set needs --vault and every case")
+    if args.sealed and args.vault is None:
+        p.error("a sealed set needs --vault, its labels")
     if args.kept:
         sets = [results.read(results.FOLDER / f"{name}.json") for name in args.kept]
         labels, answers = results.together(sets, args.programs_differ)
@@ -374,17 +383,21 @@ def main() -> None:
         data, before = sealing.opened(args.vault, HERE / "seals.json", args.sealed, args.again)
         sha = json.loads((HERE / "seals.json").read_text())[args.sealed]["sha256"]
         labels, out = _parted(data)
+        planned = len(labels)
+        if args.run_only:
+            labels = _first(labels, args.runs)
+            last = labels[-1]["case"] if labels else ""
+            out = [x for x in out if x["case"] < last]
         answers = _answers(args.runs, labels)
         cases = tuple((x, answers[x["case"]]) for x in labels)
-        found = Results(args.sealed, sha, program_of(args.runs), len(out), cases)
+        found = Results(args.sealed, sha, program_of(args.runs), len(out), cases, planned - len(labels))
         head = heading([found], f"opened {before + 1} times: no longer blind" if before else "opened once")
         if not before:
             print(f"{results.write(found)} written: commit it.", file=sys.stderr)
     else:
         labels, out = _parted(json.loads(args.labels.read_text()))
         if args.run_only:
-            ends = ("diagnosis.json", "failed.txt")
-            labels = [x for x in labels if any((args.runs / x["case"] / f).is_file() for f in ends)]
+            labels = [x for x in labels if _was_run(x, args.runs)]
         answers = _answers(args.runs, labels)
         head = f"Rehearsal set: its labels were open. {len(labels)} cases{_left_out(len(out))}."
     page = f"{head}\n\n{table(labels, answers)}"
@@ -397,6 +410,16 @@ def main() -> None:
 def _parted(data: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Labels of the cases that there are, and of those that could not be made."""
     return [x for x in data["cases"] if "left out" not in x], [x for x in data["cases"] if "left out" in x]
+
+
+def _was_run(label: dict[str, Any], runs: Path) -> bool:
+    return any((runs / label["case"] / f).is_file() for f in ("diagnosis.json", "failed.txt"))
+
+
+def _first(labels: Sequence[dict[str, Any]], runs: Path) -> list[dict[str, Any]]:
+    """Those before the first by name that was not run: names are drawn by lot, so that these are a fair part."""
+    ordered = sorted(labels, key=lambda x: str(x["case"]))
+    return list(itertools.takewhile(lambda x: _was_run(x, runs), ordered))
 
 
 def _answers(runs: Path, labels: Sequence[dict[str, Any]]) -> dict[str, Answer]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.blind import results, sealing
+from benchmarks.blind import results, score, sealing
 from benchmarks.blind.results import Results
 from benchmarks.blind.score import Answer, answer, calibration, confidently_wrong, interval, right, table
 
@@ -173,3 +173,26 @@ def test_a_table_says_what_was_claimed_of_each_severity():
     page = table(labels, {c: Answer(said, smallest=told) for c, said in right.items()})
     assert "| 1 % | – | 1/1 | 0/1 | 1/1 |" in page
     assert "| 2 % | 1/1 | – | – | – |" in page
+
+
+def test_of_a_set_that_was_not_run_to_its_end_the_first_by_name_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    labels = {"seed": 7, "cases": [_label(c, "single", "vignetting") for c in ("c", "a", "d", "b")]}
+    monkeypatch.setattr(score, "HERE", tmp_path)
+    monkeypatch.setattr(results.write, "__defaults__", (tmp_path,))
+    sealing.seal(labels, tmp_path / "vault.json", tmp_path / "seals.json", "set")
+    runs = tmp_path / "runs"
+    for case in ("a", "b", "d"):  # c was still running
+        (runs / case).mkdir(parents=True)
+        (runs / case / "failed.txt").write_text("")
+    (runs / "program.txt").write_text("1234567\n")
+    given = ["--sealed", "set", "--vault", str(tmp_path / "vault.json"), "--runs", str(runs), "--run-only"]
+    monkeypatch.setattr("sys.argv", ["score.py", *given])
+    score.main()
+    said = capsys.readouterr().out
+    assert "answered by commit 1234567: 2 cases, the first by their names" in said
+    assert "the other 2 were not run" in said
+    kept = results.read(tmp_path / "set.json")
+    assert [label["case"] for label, _ in kept.cases] == ["a", "b"]
+    assert kept.not_run == 2
