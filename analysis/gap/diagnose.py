@@ -184,8 +184,11 @@ def diagnose(
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
-    left_at = shape_left(all_of_them, corrected) if fitted.left_over[1] >= PRESENT else ""
-    unknown = what_is_unknown(fitted, left_at)
+    shared = structure(all_of_them, corrected)
+    times, structured = shared.unexplained(shrunk.before**2 - shrunk.after**2)
+    noisy = any(n.probability >= PRESENT for n in judged)  # what that leaves is no light's
+    left_at = shape_left(all_of_them, corrected) if max(fitted.left_over[1], structured) >= PRESENT else ""
+    unknown = what_is_unknown(fitted, left_at, (times, 0.0 if noisy else structured))
     rehearsal = None
     if rehearsals:
         written = [c for c in whole if not c.held_out]
@@ -246,7 +249,7 @@ def diagnose(
         smallest=detectable(fitted.evidence, fitted.declared),
         over_declared=fitted.factors,
         rehearsal=rehearsal,
-        left=structure(all_of_them, corrected),
+        left=shared,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
 

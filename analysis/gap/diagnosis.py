@@ -186,7 +186,7 @@ def _rehearsal(r: Rehearsal) -> dict[str, Any]:
 
 def _left(s: Structure) -> dict[str, Any]:
     by_step = {f"{d} px": {"near": a, "fixed": b} for d, a, b in zip(STEPS, s.near, s.fixed, strict=True)}
-    return {"white": s.white, "structure": by_step}
+    return {"white": s.white, "structure": by_step, "expected": s.expected}
 
 
 def _metric(m: Metric) -> dict[str, Any]:

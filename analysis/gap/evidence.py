@@ -9,7 +9,8 @@ and p(M) ∝ prior(M) Z_M^(1/τ). All are told from one inverse: with C = A⁻¹
 
     A_M = A + U Δ U',  Δ = slab⁻² - spike⁻²,  A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C
 
-A hypothesis whose term is below what it may be does not count, nor one whose path is as wide as it is long.
+A hypothesis whose term is below what it may be does not count, nor one whose path is as wide as it is long, or whose
+fall-off rises.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
@@ -25,6 +26,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.linalg import lapack, lu_factor, lu_solve
 
+from analysis.gap.fall_off import fall_offs, falls
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.prior import Prior
 from analysis.gap.subpixel_terms import is_path, paths
@@ -152,6 +154,7 @@ class Evidence:
                 self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS, *[FAR] * moves)
         self.prior = Prior({c: terms[i[0]].camera for c, i in self.members.items()})
         self.paths = {c: i for c, i in paths(self.terms).items() if self.seen[i].all()}
+        self.fall_offs = {c: i for c, i in fall_offs(self.terms).items() if self.seen[i].all()}
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
         together = share.copy()
         for index in self.members.values():
@@ -237,9 +240,10 @@ class Evidence:
         every = np.concatenate([base.wide, wide])
         bounded = every[np.isfinite(self.low[every])]
         along = [self.paths[c] for c in causes if c in self.paths]
-        if not len(bounded) and not along:
+        outwards = [self.fall_offs[c] for c in causes if c in self.fall_offs]
+        if not len(bounded) and not along and not outwards:
             return log_Z
-        told = np.concatenate([bounded, *along])
+        told = np.concatenate([bounded, *along, *outwards])
         beside = base.C(told, wide)
         theta = (z[told] - beside @ solved) * self.spike[told]
         gone = beside @ np.linalg.solve(np.diag(1 / (ratio**-2 - 1.0)) + inside, beside.T)
@@ -248,8 +252,13 @@ class Evidence:
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
         if (theta[:n] < self.low[bounded] - 2 * np.maximum(self.spike[bounded], sigma)).any():
             return -np.inf
-        for k in range(n, len(told), 3):
+        last = n + 3 * len(along)
+        for k in range(n, last, 3):
             if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
+                return -np.inf
+        for k, index in zip(range(last, len(told), 2), outwards, strict=True):
+            written = np.array([self.terms[i].start for i in index])
+            if not falls(written + theta[k : k + 2], covariance[k : k + 2, k : k + 2]):
                 return -np.inf
         return log_Z
 

@@ -12,6 +12,7 @@ from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.fit import Fit, uncertainty
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
 from analysis.gap.subpixel_terms import PRODUCT
 from interchange.effects.parts import called
@@ -113,9 +114,12 @@ def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFind
     return replace(noise, probability=noise.probability * own / (own + unknown)) if unknown else noise
 
 
-def what_is_unknown(fitted: Fit, shape: str = "in no shape known") -> tuple[tuple[str, float], ...]:
+def what_is_unknown(
+    fitted: Fit, shape: str = "in no shape known", structured: tuple[float, float] = (0.0, 0.0)
+) -> tuple[tuple[str, float], ...]:
     """Generic families that the evidence asks for, described by where their largest part lies; ``shape``: where what is
-    left without a cause does."""
+    left without a cause does; ``structured``: how many times as much of it has structure as is usual, and the
+    probability that it has a cause (analysis.gap.structure)."""
     out = []
     for cause in fitted.best.causes:
         p = fitted.probability.get(cause, 0.0)
@@ -134,6 +138,15 @@ def what_is_unknown(fitted: Fit, shape: str = "in no shape known") -> tuple[tupl
             (
                 f"{100 * more:.0f} % more χ² is left than noise and the renderer leave, {shape}",
                 probable,
+            )
+        )
+    times, p = structured
+    if p >= PRESENT and not out:
+        out.append(
+            (
+                f"away from edges pixels near each other share {times:.0f} times as much of what is left as a twin "
+                f"that is off by {100 * SIGNAL:.1f} % would leave, {shape}",
+                p,
             )
         )
     sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)

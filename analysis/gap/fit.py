@@ -15,6 +15,7 @@ from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.fall_off import without_rises
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -191,6 +192,9 @@ def _fit(search: Search, stand: Stand) -> Fit:
         before = replace(after, theta=np.where(cause, 0.0, theta), at=still)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
+    probability = without_rises(
+        probability, terms, np.where(cause, theta, 0.0), lambda index: evidence.covariance(best, index)[index]
+    )
     left_out = without_each(evidence, best, parts)
     declared = search.widths.declared_at(stand.evidence.spike)
     careful = cautions(stand.evidence, declared, best, evidence, parts, left_out)

@@ -6,10 +6,13 @@ that may be wide.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from analysis.gap.state import State
+from interchange.effects import MODELS
+from interchange.parameter import parameters
 
 NUISANCE = "calibration"  # terms of this cause are never wide
 FORM = "form"  # nor these: how an effect may differ from its formula
@@ -93,9 +96,18 @@ class Term:
         return state.camera.t_exp / self.t_exp if self.t_exp else 1.0
 
     def value(self, theta: float) -> float:
-        """The parameter at ``theta`` of the term, no less than it may be."""
+        """The parameter at ``theta`` of the term, within what it may be."""
         theta = max(theta, self.low)
-        return self.start + (max(theta, 0.0) ** (1 / self.power) if self.power > 1 else theta)
+        value = self.start + (max(theta, 0.0) ** (1 / self.power) if self.power > 1 else theta)
+        low, high = _limits(self.cause, self.parameter)
+        return min(max(value, low), high)
+
+
+@cache
+def _limits(cause: str, parameter: str) -> tuple[float, float]:
+    """Of an effect's parameter, as it declares them; of what is no parameter, none."""
+    about = parameters(MODELS[cause]) if cause in MODELS else {}
+    return (about[parameter].low, about[parameter].high) if parameter in about else (-np.inf, np.inf)
 
 
 def moving(cause: str, target: str, parameter: str, unit: str, spike: float, flow: Flow) -> Term:

@@ -299,3 +299,13 @@ def test_a_well_that_fills_up_is_about_a_sum_of_knees(
     assert all(t.low == 0 for t in terms)  # what rises instead is no well
     dark = replace(condition, rendered=replace(condition.rendered, lamps={k: 0.5 * v for k, v in L.items()}))
     assert saturation_terms([dark], Tolerances()) == []
+
+
+def test_a_number_is_told_within_what_the_effect_declares() -> None:
+    """A fit's crosstalk of 1.03 ended a blind case without an answer."""
+    term = Term("color_crosstalk", "", "rg", "1", 0.01, lambda s: None)
+    assert term.value(1.03) == 1.0
+    assert term.value(-1.2) == -1.0
+    assert (
+        Term("camera_pose", "", "dx", "m", 0.01, lambda s: None).value(1e3) == 1e3
+    )  # no parameter of that name

@@ -8,7 +8,8 @@ import pytest
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.expected import noise_variance
 from analysis.gap.fixed_pattern import flat
-from analysis.gap.structure import STEPS, structure
+from analysis.gap.normal_equations import SIGNAL
+from analysis.gap.structure import AT, STEPS, Structure, structure
 from tests.analysis.gap_bench import TIMES, Rig
 
 Shown = tuple[list[Condition], list[np.ndarray], list[np.ndarray]]
@@ -75,3 +76,30 @@ def test_a_wave_fixed_to_the_image_stands_out_in_the_mean_of_conditions(shown: S
             wanted, rel=0.25
         )  # pixels away from edges are no whole waves
         assert left.fixed[k] - plain.fixed[k] == pytest.approx(wanted * np.mean(counts), rel=0.35)
+
+
+def test_what_is_expected_is_the_square_of_what_a_twin_is_off_by(shown: Shown) -> None:
+    """Three times ``SIGNAL``, alike everywhere in every condition: S = 9 E; noise times it has 0.04 of that, 1 sigma."""
+    whole, expected, _ = shown
+    off = [
+        replace(c, mean=c.mean + 3 * SIGNAL * (dn - c.simulated().black))
+        for c, dn in zip(whole, expected, strict=True)
+    ]
+    left, plain = structure(off, expected), structure(whole, expected)
+    assert left.near[AT] - plain.near[AT] == pytest.approx(9 * left.expected, rel=0.15)
+    assert left.unexplained(0.0)[1] > 0.5
+    assert plain.unexplained(0.0)[1] < 0.1
+
+
+def _left(times: float) -> Structure:
+    return Structure(0.0, (times * 0.01,) * len(STEPS), (0.0,) * len(STEPS), 0.01)
+
+
+def test_more_of_it_has_a_cause_and_strong_effects_leave_some() -> None:
+    chances = [_left(x).unexplained(0.0)[1] for x in (0.0, 0.5, 3.1, 7.0, 20.0, 70.0)]
+    assert chances[:2] == [0.0, 0.0]
+    assert chances == sorted(chances)
+    assert chances[2] < 0.15  # the most that a null of set q had
+    assert chances[3] > 0.5
+    assert chances[5] > 0.99
+    assert _left(20.0).unexplained(1.6)[1] < 0.5  # 0.1 of 1.6 is 16 times 0.01
