@@ -79,7 +79,7 @@ def test_a_wave_fixed_to_the_image_stands_out_in_the_mean_of_conditions(shown: S
 
 
 def test_what_is_expected_is_the_square_of_what_a_twin_is_off_by(shown: Shown) -> None:
-    """Three times ``SIGNAL``, alike everywhere in every condition: S = 9 E; noise times it has 0.04 of that, 1 sigma."""
+    """Three times ``SIGNAL``, alike everywhere in every condition: S = 9 E; noise times it has 0.04 of that, 1 σ."""
     whole, expected, _ = shown
     off = [
         replace(c, mean=c.mean + 3 * SIGNAL * (dn - c.simulated().black))
