@@ -75,7 +75,7 @@ def write(results: Results, folder: Path = FOLDER) -> Path:
     for label, a in results.cases:
         own = {e["name"] for e in label["effects"]}
         told = {n: x for n, x in (a.smallest or {}).items() if n in own}
-        kept = {k: v for k, v in {**asdict(a), "smallest": told}.items() if v not in (None, False, {})}
+        kept = {k: v for k, v in {**asdict(a), "smallest": told}.items() if v is not None and v is not False}
         cases.append({"label": {k: v for k, v in label.items() if k != "seed"}, "answer": kept})
     head = {k: v for k, v in asdict(results).items() if k != "cases"}
     file = folder / f"{results.name}.json"

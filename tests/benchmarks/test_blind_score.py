@@ -147,6 +147,20 @@ def test_what_a_set_said_is_kept_without_its_seed(tmp_path: Path):
     assert said.smallest == {"vignetting": {"easiest": 0.001, "hardest": None}}  # of its own effects alone
 
 
+def test_nothing_closed_is_kept_as_nothing(tmp_path: Path):
+    """And no answer as none: it counts in the median of what is closed."""
+    none = Answer({}, explained=0.0, chi=(1.2, 1.2), seconds=0.0, parameters={}, smallest={})
+    failed = Answer({}, failed=True)
+    labels = [_label("a", "single", "vignetting"), _label("b", "single", "vignetting")]
+    file = results.write(
+        Results("first", "ab", "1234567", 0, tuple(zip(labels, (none, failed), strict=True))), tmp_path
+    )
+    (_, a), (_, b) = results.read(file).cases
+    assert a == none
+    assert b.failed
+    assert b.explained is None
+
+
 def test_sets_add_up_that_one_program_answered():
     one, two = _kept("first", "1234567", "a", "b"), _kept("second", "1234567", "c")
     labels, answers = results.together([one, two])
