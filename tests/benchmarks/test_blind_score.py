@@ -140,7 +140,7 @@ def test_what_a_set_said_is_kept_without_its_seed(tmp_path: Path):
     assert (again.name, again.sha256, again.program, again.left_out) == ("first", "ab" * 32, "1234567", 1)
     (label, said), (_, none) = again.cases
     assert label["case"] == "a"
-    assert none == Answer({}, failed=True, parameters={})
+    assert none == Answer({}, failed=True, parameters={}, smallest={})
     assert said.said == {"vignetting": 0.91235}
     assert said.chi == (2.5, 1.05)
     assert said.parameters == {"vignetting": {"scale": (1.0123, 0.01)}}
