@@ -105,12 +105,15 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
 
 def only_called(fitted: Fit) -> Fit:
     """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
-    nothing."""
+    nothing. Where nothing is called, what is taken for a larger error of the calibration than was declared is one: the
+    file at its best has it, before and after."""
     best, kept = fitted.best, called(fitted)
     if len(kept) == len(best.causes):
         return fitted
     if not kept:
-        return replace(fitted, after=fitted.before)
+        larger = [c for c in best.causes if c in fitted.cautions and fitted.cautions[c].tail >= PRESENT]
+        nothing = fitted.stood(best.of(larger)) if larger else fitted.before
+        return replace(fitted, before=nothing, after=nothing)
     return replace(fitted, after=fitted.stood(best.of(kept)))
 
 

@@ -1,10 +1,13 @@
 """What is not probable closes nothing, and what is left is fitted without it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.gap.attribution import called
 from analysis.gap.calling import only_called
+from analysis.gap.caution import Caution
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
@@ -62,6 +65,19 @@ def test_what_is_called_is_fitted_without_the_rest() -> None:
 def test_nothing_called_is_the_file_at_its_best() -> None:
     fitted = _fit(0.3, 0.3)
     assert only_called(fitted).after is fitted.before
+
+
+def test_a_larger_error_of_the_calibration_is_the_files_at_its_best() -> None:
+    """A camera's pose six tolerances off that is "none" left chi 1.65, as no simulation had it."""
+    fitted = replace(_fit(0.2, 0.3), cautions={A: Caution(0.7, 0.0, 1.0), B: Caution(0.3, 0.0, 1.0)})
+    said = only_called(fitted)
+    assert said.before is said.after
+    assert called(said) == []
+    alone = fitted.stood(fitted.best.of([A]))
+    assert said.after.theta == pytest.approx(alone.theta)
+    assert said.after.theta[0] == pytest.approx(
+        0.48, abs=0.03
+    )  # with what the other's tolerance leaves of that
 
 
 @pytest.mark.parametrize("causes", [(), (A,), (A, B)])
