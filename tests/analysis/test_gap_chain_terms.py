@@ -31,6 +31,7 @@ from interchange.captures import Capture, Tolerances
 from interchange.effects.exposure import Exposure
 from interchange.effects.motion_blur import MotionBlur
 from interchange.effects.veiling_glare import VeilingGlare
+from interchange.effects.vignetting import Vignetting
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
 
@@ -309,3 +310,13 @@ def test_a_number_is_told_within_what_the_effect_declares() -> None:
     assert (
         Term("camera_pose", "", "dx", "m", 0.01, lambda s: None).value(1e3) == 1e3
     )  # no parameter of that name
+
+
+def test_sensitivities_at_the_end_of_what_a_number_may_be_are_told_inwards(condition: Condition) -> None:
+    """A vignetting is linear in its numbers: a unit of one adds the same wherever it stands, at its highest too."""
+    term = next(t for t in chain_terms(State(condition), Tolerances()) if t.key == ("vignetting", "", "a2"))
+    inside = np.asarray(term.field(State(condition, [Vignetting(a2=0.1)])))
+    at_the_end = np.asarray(term.field(State(condition, [Vignetting(a2=1.0)])))
+    assert at_the_end == pytest.approx(
+        inside, abs=2e-3 * np.abs(inside).max()
+    )  # float32 of what is twice as bright
