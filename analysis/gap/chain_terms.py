@@ -266,12 +266,14 @@ def _difference(
         grown = s.camera.t_exp / t_exp if t_exp else 1.0
         theta = ((float(getattr(now, parameter)) - own) / grown) ** power
         limits, more = parameters(model)[parameter], step**power
-        value = own + grown * (theta + more) ** (1 / power)
-        if not limits.low <= value <= limits.high:  # where it may not be: the other way
-            more = -more
-            value = own + grown * max(theta + more, 0.0 if power > 1 else -np.inf) ** (1 / power)
+
+        def further(by: float) -> float:
+            return own + grown * (theta + by) ** (1 / power)
+
+        if not limits.low <= further(more) <= limits.high:
+            more = -more  # inwards
         others = [e for e in s.effects if type(e) is not model]
-        there = replace(now, **{parameter: float(value)})  # type: ignore[type-var]
+        there = replace(now, **{parameter: further(more)})  # type: ignore[type-var]
         return s.take((s.dn([*others, there]) - s.simulation.dn) / np.float32(more))
 
     return field

@@ -186,9 +186,10 @@ def diagnose(
     findings.sort(key=lambda f: (-f.probability, -f.share))
     shared = structure(all_of_them, corrected)
     times, structured = shared.unexplained(shrunk.before**2 - shrunk.after**2)
-    noisy = any(n.probability >= PRESENT for n in judged)  # what that leaves is no light's
+    if any(n.probability >= PRESENT for n in judged):
+        structured = 0.0  # uneven lines and pixels are no light's
     left_at = shape_left(all_of_them, corrected) if max(fitted.left_over[1], structured) >= PRESENT else ""
-    unknown = what_is_unknown(fitted, left_at, (times, 0.0 if noisy else structured))
+    unknown = what_is_unknown(fitted, left_at, (times, structured))
     rehearsal = None
     if rehearsals:
         written = [c for c in whole if not c.held_out]
