@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd
 
+from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
+from analysis.gap.expected import noise_variance
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
 from interchange.captures import Captures
@@ -80,3 +82,19 @@ def rig_in(folder: Path) -> Rig:
     views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, TIMES)]
     with renderer("realtime", 16) as (render, settings):
         return Rig(folder, document, render_all(views, render, settings, folder / "cache"))
+
+
+def of_their_own(rig: Rig, seed: int) -> tuple[list[Condition], list[np.ndarray], list[np.ndarray]]:
+    """Conditions whose captures are their own simulation and noise of its size; the simulations, and σ, DN."""
+    rng = np.random.default_rng(seed)
+    whole, expected, sigmas = [], [], []
+    found = conditions(rig.captured("null", ()), rig.document)
+    for c, r in zip(found, [r for t, r in zip(TIMES, rig.truth, strict=True) if t != 7], strict=True):
+        there = replace(c, rendered=r)
+        dn = there.simulated().dn
+        temporal, pattern = noise_variance(dn, c.camera)
+        sigma = np.sqrt(temporal / len(c.captures) + pattern)
+        whole.append(replace(there, mean=dn + sigma * rng.standard_normal(dn.shape)))
+        expected.append(dn)
+        sigmas.append(sigma)
+    return whole, expected, sigmas

@@ -5,27 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.conditions import Condition, conditions
-from analysis.gap.expected import noise_variance
+from analysis.gap.conditions import Condition
 from analysis.gap.regions import light_regions
 from analysis.gap.shape_left import shape_left
-from tests.analysis.gap_bench import TIMES, Rig
+from tests.analysis.gap_bench import Rig, of_their_own
 
 
 @pytest.fixture(scope="module")
 def shown(rig: Rig) -> tuple[list[Condition], list[np.ndarray]]:
-    """Conditions whose captures are their own simulation and noise of its size, and the simulations."""
-    rng = np.random.default_rng(3)
-    whole, expected = [], []
-    found = conditions(rig.captured("null", ()), rig.document)
-    for c, r in zip(found, [r for t, r in zip(TIMES, rig.truth, strict=True) if t != 7], strict=True):
-        there = replace(c, rendered=r)
-        dn = there.simulated().dn
-        temporal, pattern = noise_variance(dn, c.camera)
-        sigma = np.sqrt(temporal / len(c.captures) + pattern)
-        whole.append(replace(there, mean=dn + sigma * rng.standard_normal(dn.shape)))
-        expected.append(dn)
-    return whole, expected
+    return of_their_own(rig, 3)[:2]
 
 
 def test_what_is_on_one_material_is_told_by_it(shown: tuple[list[Condition], list[np.ndarray]]) -> None:

@@ -5,31 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.conditions import Condition, conditions
-from analysis.gap.expected import noise_variance
+from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import flat
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.structure import AT, STEPS, Structure, structure
-from tests.analysis.gap_bench import TIMES, Rig
+from tests.analysis.gap_bench import Rig, of_their_own
 
 Shown = tuple[list[Condition], list[np.ndarray], list[np.ndarray]]
 
 
 @pytest.fixture(scope="module")
 def shown(rig: Rig) -> Shown:
-    """Conditions whose captures are their own simulation and noise of its size, the simulations, and σ."""
-    rng = np.random.default_rng(5)
-    whole, expected, sigmas = [], [], []
-    found = conditions(rig.captured("null", ()), rig.document)
-    for c, r in zip(found, [r for t, r in zip(TIMES, rig.truth, strict=True) if t != 7], strict=True):
-        there = replace(c, rendered=r)
-        dn = there.simulated().dn
-        temporal, pattern = noise_variance(dn, c.camera)
-        sigma = np.sqrt(temporal / len(c.captures) + pattern)
-        whole.append(replace(there, mean=dn + sigma * rng.standard_normal(dn.shape)))
-        expected.append(dn)
-        sigmas.append(sigma)
-    return whole, expected, sigmas
+    return of_their_own(rig, 5)
 
 
 def _values(shown: Shown) -> int:
