@@ -17,20 +17,19 @@ MacKay: Bayesian interpolation. Neural Computation 1992.
 Woodbury: Inverting modified matrices. 1950.
 """
 
-import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
-from scipy.linalg import lapack, lu_factor, lu_solve
 
 from analysis.gap.fall_off import fall_offs, falls
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.prior import Prior
 from analysis.gap.subpixel_terms import is_path, paths
 from analysis.gap.terms import FORM, NUISANCE, Cause, Term
+from analysis.gap.widened import Widened, inverse, woodbury
 
 SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
 FAR = 0.3  # the same, of what stands elsewhere: edges that are off by their width change an image by as much
@@ -63,64 +62,6 @@ class Hypothesis:
         """Some of its causes, as wide as here; not weighed."""
         slabs = dict(zip(self.causes, self.slabs, strict=True))
         return replace(self, causes=tuple(causes), slabs=tuple(slabs[c] for c in causes))
-
-
-class Widened:
-    """An evidence whose causes are as wide as ``slabs`` {cause: slab}: ``wide`` (n,), their terms, ``ratio`` times as
-    wide as their spikes."""
-
-    def __init__(
-        self, evidence: "Evidence", slabs: dict[Cause, float], wide: np.ndarray, ratio: np.ndarray
-    ) -> None:
-        self.evidence: Evidence = weakref.proxy(evidence)  # which has this one: both go with it
-        self.slabs, self.wide = slabs, wide
-        self.constant = evidence.constant
-        self.gone = np.zeros((0, len(evidence.terms)))  # (Δ⁻¹ + U'CU)⁻¹ U'C
-        if len(wide):
-            inner = evidence.C[np.ix_(wide, wide)]
-            self.gone = np.linalg.solve(np.diag(1 / (ratio**-2 - 1.0)) + inner, evidence.C[wide])
-            log_det = np.linalg.slogdet(np.eye(len(wide)) + (ratio**-2 - 1.0)[:, None] * inner)[1]
-            self.constant += -0.5 * float(log_det) - float(np.log(ratio).sum())
-        self._standing: dict[frozenset[Cause], tuple[np.ndarray, float]] = {}
-
-    def C(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """A part of the covariance in units of spikes."""
-        whole = self.evidence.C
-        return np.asarray(
-            whole[np.ix_(rows, columns)] - whole[np.ix_(rows, self.wide)] @ self.gone[:, columns]
-        )
-
-    def standing(self, absent: frozenset[Cause]) -> tuple[np.ndarray, float]:
-        """C b (q,) and log Z of a hypothesis that lacks ``absent`` of the causes in force."""
-        if absent not in self._standing:
-            b, z, rr = self.evidence.residual(absent)
-            z = z - self.gone.T @ z[self.wide]
-            self._standing[absent] = z, self.constant + 0.5 * (float(b @ z) - rr)
-        return self._standing[absent]
-
-
-def _solved(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarray, float]:
-    """(I + Δ C)⁻¹ Δ z of terms that are ``ratio`` times as wide as their spikes, and log |I + Δ C|."""
-    if not len(z):
-        return z, 0.0
-    delta = ratio**-2 - 1.0
-    inner = delta[:, None] * C
-    inner[np.diag_indices(len(z))] += 1.0
-    lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
-    log_det = float(np.log(np.abs(np.diag(lu))).sum())
-    return np.asarray(lu_solve((lu, pivots), delta * z, check_finite=False)), log_det
-
-
-def _inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
-    """Of a positive definite matrix, and half the logarithm of its determinant; a third of the work of solving for
-    every column."""
-    factor, wrong = lapack.dpotrf(A, lower=1, clean=1)
-    if wrong:
-        raise np.linalg.LinAlgError(f"A matrix of {len(A)} terms must be positive definite.")
-    inverse = lapack.dpotri(factor, lower=1)[0]
-    inverse += inverse.T
-    inverse[np.diag_indices(len(A))] /= 2
-    return inverse, float(np.log(np.diag(factor)).sum())
 
 
 class Evidence:
@@ -175,7 +116,7 @@ class Evidence:
             self.spike[: len(spikes)] = spikes
         # in units of the spikes' widths the matrix is I + D G D, which is as well conditioned as it can be
         A = np.eye(len(terms)) + equations.G * self.spike[:, None] * self.spike[None, :]
-        self.C, half_log_det = _inverse(A)
+        self.C, half_log_det = inverse(A)
         self.constant = 0.5 * equations.log_w - half_log_det
         self._residuals: dict[frozenset[Cause], tuple[np.ndarray, np.ndarray, float]] = {}
         self.nothing = self.leant = Widened(self, {}, np.array([], int), np.array([]))
@@ -235,7 +176,7 @@ class Evidence:
         wide, ratio = self._wide(rest, own, given)
         z, log_Z = base.standing(self.lacked(causes) if absent is None else absent)
         inside = base.C(wide, wide)
-        solved, log_det = _solved(inside, z[wide], ratio)
+        solved, log_det = woodbury(inside, z[wide], ratio)
         log_Z += -0.5 * float(z[wide] @ solved) - 0.5 * log_det - float(np.log(ratio).sum())
         every = np.concatenate([base.wide, wide])
         bounded = every[np.isfinite(self.low[every])]
@@ -314,7 +255,7 @@ class Evidence:
         wide, ratio = self._wide(h.causes, h.slabs)
         z, _ = self.nothing.standing(self.lacked(h.causes))
         return np.asarray(
-            (z - self.C[:, wide] @ _solved(self.C[np.ix_(wide, wide)], z[wide], ratio)[0]) * self.spike
+            (z - self.C[:, wide] @ woodbury(self.C[np.ix_(wide, wide)], z[wide], ratio)[0]) * self.spike
         )
 
     def left(self, h: Hypothesis) -> float:

@@ -1,0 +1,72 @@
+"""An evidence from which hypotheses are told, with some of its causes as wide as effects are: what all hypotheses that
+have them have in common is solved for once (Woodbury 1950; the formulas stand in analysis.gap.evidence).
+"""
+
+import weakref
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lapack, lu_factor, lu_solve
+
+from analysis.gap.terms import Cause
+
+if TYPE_CHECKING:
+    from analysis.gap.evidence import Evidence
+
+
+class Widened:
+    """An evidence whose causes are as wide as ``slabs`` {cause: slab}: ``wide`` (n,), their terms, ``ratio`` times as
+    wide as their spikes."""
+
+    def __init__(
+        self, evidence: "Evidence", slabs: dict[Cause, float], wide: np.ndarray, ratio: np.ndarray
+    ) -> None:
+        self.evidence: Evidence = weakref.proxy(evidence)  # which has this one: both go with it
+        self.slabs, self.wide = slabs, wide
+        self.constant = evidence.constant
+        self.gone = np.zeros((0, len(evidence.terms)))  # (Δ⁻¹ + U'CU)⁻¹ U'C
+        if len(wide):
+            inner = evidence.C[np.ix_(wide, wide)]
+            self.gone = np.linalg.solve(np.diag(1 / (ratio**-2 - 1.0)) + inner, evidence.C[wide])
+            log_det = np.linalg.slogdet(np.eye(len(wide)) + (ratio**-2 - 1.0)[:, None] * inner)[1]
+            self.constant += -0.5 * float(log_det) - float(np.log(ratio).sum())
+        self._standing: dict[frozenset[Cause], tuple[np.ndarray, float]] = {}
+
+    def C(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """A part of the covariance in units of spikes."""
+        whole = self.evidence.C
+        return np.asarray(
+            whole[np.ix_(rows, columns)] - whole[np.ix_(rows, self.wide)] @ self.gone[:, columns]
+        )
+
+    def standing(self, absent: frozenset[Cause]) -> tuple[np.ndarray, float]:
+        """C b (q,) and log Z of a hypothesis that lacks ``absent`` of the causes in force."""
+        if absent not in self._standing:
+            b, z, rr = self.evidence.residual(absent)
+            z = z - self.gone.T @ z[self.wide]
+            self._standing[absent] = z, self.constant + 0.5 * (float(b @ z) - rr)
+        return self._standing[absent]
+
+
+def woodbury(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarray, float]:
+    """(I + Δ C)⁻¹ Δ z of terms that are ``ratio`` times as wide as their spikes, and log |I + Δ C|."""
+    if not len(z):
+        return z, 0.0
+    delta = ratio**-2 - 1.0
+    inner = delta[:, None] * C
+    inner[np.diag_indices(len(z))] += 1.0
+    lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
+    log_det = float(np.log(np.abs(np.diag(lu))).sum())
+    return np.asarray(lu_solve((lu, pivots), delta * z, check_finite=False)), log_det
+
+
+def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
+    """Of a positive definite matrix, and half the logarithm of its determinant; a third of the work of solving for
+    every column."""
+    factor, wrong = lapack.dpotrf(A, lower=1, clean=1)
+    if wrong:
+        raise np.linalg.LinAlgError(f"A matrix of {len(A)} terms must be positive definite.")
+    inverse = lapack.dpotri(factor, lower=1)[0]
+    inverse += inverse.T
+    inverse[np.diag_indices(len(A))] /= 2
+    return inverse, float(np.log(np.diag(factor)).sum())
