@@ -21,7 +21,7 @@ PRESENT = 0.5
 class Answer:
     """``said`` {name: probability} of named effects; ``unknown`` whether something is called unknown; ``failed``: none
     was given; ``smallest`` {name: {"easiest", "hardest"}}: severities that the diagnosis claims to find, None for
-    never; ``chi`` before and after."""
+    never; ``chi`` before and after; ``structure``: of what is left, over what a twin leaves that is nearly right."""
 
     said: dict[str, float]
     unknown: bool = False
@@ -31,6 +31,7 @@ class Answer:
     chi: tuple[float, float] | None = None
     seconds: float | None = None
     smallest: dict[str, dict[str, float | None]] | None = None
+    structure: float | None = None
 
     @property
     def named(self) -> frozenset[str]:
@@ -66,7 +67,13 @@ def answer(file: Path) -> Answer:
         (float(gap["before"]), float(gap["after"])),
         float(d["seconds"]),
         d.get("smallest", {}),
+        _structure(d.get("left") or {}),
     )
+
+
+def _structure(left: dict[str, Any]) -> float | None:
+    expected = left.get("expected")
+    return float(left["structure"]["2 px"]["near"]) / expected if expected else None
 
 
 def write(results: Results, folder: Path = FOLDER) -> Path:
@@ -85,6 +92,10 @@ def write(results: Results, folder: Path = FOLDER) -> Path:
 
 
 def read(file: Path) -> Results:
+    """Raises SealError where no such set is kept."""
+    if not file.is_file():
+        known = ", ".join(sorted(x.stem for x in file.parent.glob("*.json"))) or "none"
+        raise sealing.SealError(f"Nothing is kept of a set {file.stem}; kept are: {known}.")
     d = json.loads(file.read_text())
     cases = tuple((c["label"], _read_answer(c["answer"])) for c in d["cases"])
     return Results(d["name"], d["sha256"], d["program"], d["left_out"], cases, d["not_run"])

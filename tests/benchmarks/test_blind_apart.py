@@ -18,9 +18,11 @@ from benchmarks.blind.apart import world
 from benchmarks.blind.bench import Bench
 from benchmarks.blind.chain import Cause
 from benchmarks.blind.errors import Tolerances
+from benchmarks.blind.page import table
+from benchmarks.blind.results import Answer, answer
+from benchmarks.blind.rules import right
 from benchmarks.blind.scene_causes import ALL, RENDERED, changed
 from benchmarks.blind.scenes import SCENES, scene
-from benchmarks.blind.score import Answer, answer, right, table
 from benchmarks.blind.tracing import Quality
 
 FOLDER = Path(benchmarks.blind.__file__).parent / "apart"

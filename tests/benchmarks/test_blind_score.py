@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.blind import results, score, sealing
-from benchmarks.blind.results import Results
-from benchmarks.blind.score import Answer, answer, calibration, confidently_wrong, interval, right, table
+from benchmarks.blind.page import table
+from benchmarks.blind.results import Answer, Results, answer
+from benchmarks.blind.rules import calibration, confidently_wrong, interval, right
 
 
 def test_labels_are_sealed_and_opened_once(tmp_path: Path):
@@ -210,3 +211,22 @@ def test_of_a_set_that_was_not_run_to_its_end_the_first_by_name_count(
     kept = results.read(tmp_path / "set.json")
     assert [label["case"] for label, _ in kept.cases] == ["a", "b"]
     assert kept.not_run == 2
+
+
+def test_a_set_that_is_not_kept_is_one_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr("sys.argv", ["score.py", "--kept", "1999-01-01a"])
+    with pytest.raises(SystemExit, match="2"):
+        score.main()
+    said = capsys.readouterr().err
+    assert "Nothing is kept of a set 1999-01-01a; kept are: 2026-11-24q" in said
+    assert "Traceback" not in said
+
+
+def test_structure_of_what_is_left_is_kept(tmp_path: Path):
+    left = {"white": 0.01, "structure": {"2 px": {"near": 0.03, "fixed": 0.1}}, "expected": 0.01}
+    gap = {"explained": 0.0, "before": 1.1, "after": 1.1}
+    record = {"verdict": "none", "effects": [], "gap": gap, "seconds": 1.0, "left": left}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(record))
+    assert answer(tmp_path / "diagnosis.json").structure == pytest.approx(3.0)
