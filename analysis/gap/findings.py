@@ -140,15 +140,6 @@ def what_is_unknown(
                 probable,
             )
         )
-    times, p = structured
-    if p >= PRESENT and not out:
-        out.append(
-            (
-                f"away from edges pixels near each other share {times:.0f} times as much of what is left as a twin "
-                f"that is off by {100 * SIGNAL:.1f} % would leave, {shape}",
-                p,
-            )
-        )
     sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)
     nothing = float(fitted.probability_of_none)
     if fitted.best.causes and not sure and nothing < PRESENT and not out:
@@ -158,6 +149,10 @@ def what_is_unknown(
         p = (1 - nothing) * max(probable, *agreed)
         if p >= PRESENT:
             out.append((f"something that no effect alone explains (nearest: {tried})", p))
+    times, p = structured
+    if p >= PRESENT and not out:
+        words = f"pixels 2 px apart share {times:.0f} times as much as a twin that is {100 * SIGNAL:.1f} % off leaves"
+        out.append((f"what is left away from edges is no noise: {words}, {shape}", p))
     return tuple(out)
 
 

@@ -236,6 +236,16 @@ def test_what_conditions_do_not_agree_on_is_unknown() -> None:
     ]
 
 
+def test_structure_of_what_is_left_is_unknown_where_nothing_nearer_is_told() -> None:
+    calibrated = _fit(0.1, tail=0.9, most=1.0)  # nothing else is unknown
+    assert what_is_unknown(calibrated, "in detail of 4 to 8 px", (3.0, 0.1)) == ()
+    ((words, p),) = what_is_unknown(calibrated, "in detail of 4 to 8 px", (8.0, 0.9))
+    assert "share 8 times as much as a twin that is 0.2 % off leaves, in detail of 4 to 8 px" in words
+    assert p == 0.9
+    ((words, _),) = what_is_unknown(_fit(0.1, tail=0.0, most=0.1), "anywhere", (8.0, 0.9))
+    assert "nearest: light spectrum" in words
+
+
 @pytest.mark.parametrize(("amount", "told"), [(0.002, False), (0.1, True)])
 def test_what_conditions_do_not_agree_on_is_unknown_where_something_is_left(
     amount: float, told: bool
