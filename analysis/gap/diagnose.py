@@ -185,7 +185,7 @@ def diagnose(
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
     shared = structure(all_of_them, corrected)
-    times, structured = shared.unexplained(shrunk.before**2 - shrunk.after**2)
+    times, structured = shared.unexplained(shrunk.before**2 - shrunk.after**2) if shared else (0.0, 0.0)
     if any(n.probability >= PRESENT for n in judged):
         structured = 0.0  # uneven lines and pixels are no light's
     left_at = shape_left(all_of_them, corrected) if max(fitted.left_over[1], structured) >= PRESENT else ""

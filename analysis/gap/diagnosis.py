@@ -85,7 +85,7 @@ class Diagnosis:
     to noise; its steps add up to ``gap.as_written``². ``edges`` None: no edge could be measured. ``smallest``: of each
     effect, what would have been found. ``over_declared``: how large a tolerance looks over what is declared, of those
     that do not look as declared. ``rehearsal``: of cases that were simulated, what probabilities are calibrated on.
-    ``left``: whether what is left away from edges has structure.
+    ``left``: whether what is left away from edges has structure, where there is enough of that to tell.
     """
 
     effects: tuple[Finding, ...]
@@ -185,8 +185,8 @@ def _rehearsal(r: Rehearsal) -> dict[str, Any]:
 
 
 def _left(s: Structure) -> dict[str, Any]:
-    by_step = {f"{d} px": {"near": a, "fixed": b} for d, a, b in zip(STEPS, s.near, s.fixed, strict=True)}
-    return {"white": s.white, "structure": by_step, "expected": s.expected}
+    near = {f"{d} px": x for d, x in zip(STEPS, s.near, strict=True)}
+    return {"white": s.white, "structure": near, "expected": s.expected}
 
 
 def _metric(m: Metric) -> dict[str, Any]:

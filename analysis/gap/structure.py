@@ -5,7 +5,6 @@ follows surfaces: pixels near each other share most of it. Away from edges,
 
     S_d = mean of z(u) z(u + d) along columns and along rows, d = 1, 2, 4, 8 px,      W = mean of z² - 1 - S_1
 
-S of each condition by itself, and of the mean over a camera's conditions, where what is fixed to the image stands out.
 In units of the sensor's variance of a condition's mean; 0 where nothing but noise is left.
 
 No twin is exact: it is off by some 0.2 % of the signal (``SIGNAL``), which gives E = mean of (SIGNAL s)² / σ². Captures
@@ -28,6 +27,7 @@ from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.parallel import each
 
 STEPS = (1, 2, 4, 8)  # px
+FEWEST = 2000  # pairs of values of all conditions: their mean product is known to 0.02 of σ² or better
 AT = STEPS.index(2)  # a pixel further than what a lens or an interpolation shares
 USUAL, USUALLY = 0.4, 0.5  # log of S over E where there is no effect: mean and standard deviation
 CAUSED, LARGELY = 2.3, 1.2  # the same where something without a name is left
@@ -36,11 +36,10 @@ CAUSED, LARGELY = 2.3, 1.2  # the same where something without a name is left
 @dataclass(frozen=True)
 class Structure:
     """``white``: beyond the sensor's noise, from pixel to pixel; ``near``: S_d of each of ``STEPS``, mean over
-    conditions; ``fixed``: the same of the mean over a camera's conditions, times their number; ``expected``: E."""
+    conditions; ``expected``: E."""
 
     white: float
     near: tuple[float, ...]
-    fixed: tuple[float, ...]
     expected: float
 
     def unexplained(self, removed: float) -> tuple[float, float]:
@@ -57,35 +56,23 @@ class Structure:
         return float(np.exp(x)), float(expit(odds))
 
 
-def structure(conditions: Sequence[Condition], simulated: Sequence[np.ndarray]) -> Structure:
-    """Of conditions whose expected DN are ``simulated``, (H, W, C) each."""
+def structure(conditions: Sequence[Condition], simulated: Sequence[np.ndarray]) -> Structure | None:
+    """Of conditions whose expected DN are ``simulated``, (H, W, C) each; None where there is too little away from
+    edges to tell."""
 
-    def left(both: tuple[Condition, np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
+    def left(both: tuple[Condition, np.ndarray]) -> tuple[np.ndarray, tuple[float, float, float]]:
         c, dn = both
         s, w = flat(c, dn)
-        return (c.mean - dn) * np.sqrt(w), w > 0, float((np.square(SIGNAL * s) * w).sum())
+        z, count = (c.mean - dn) * np.sqrt(w), float((w > 0).sum())
+        return _near(z, w > 0), (float((z**2).sum()) - count, float((np.square(SIGNAL * s) * w).sum()), count)
 
     found = each(left, list(zip(conditions, simulated, strict=True)))
-    planes = [(z, ok) for z, ok, _ in found]
-    near = np.array([_near(z, ok) for z, ok in planes])
-    square = np.array([[(z**2).sum() - ok.sum(), ok.sum()] for z, ok in planes]).sum(axis=0)
-    cameras = dict.fromkeys(c.camera.name for c in conditions)
-    fixed = []
-    for camera in cameras:
-        own = [p for c, p in zip(conditions, planes, strict=True) if c.camera.name == camera]
-        if len({z.shape for z, _ in own}) == 1:
-            count = np.sum([ok for _, ok in own], axis=0)
-            total = np.sum([np.where(ok, z, 0) for z, ok in own], axis=0) / np.sqrt(np.maximum(count, 1))
-            fixed.append(_near(total, count > 0))
-    everything = near.sum(axis=0)
-    shares = everything[:, 0] / np.maximum(everything[:, 1], 1)
-    of_cameras = np.sum(fixed, axis=0) if fixed else np.zeros((len(STEPS), 2))
-    return Structure(
-        float(square[0] / max(square[1], 1) - shares[0]),
-        tuple(float(x) for x in shares),
-        tuple(float(x) for x in of_cameras[:, 0] / np.maximum(of_cameras[:, 1], 1)),
-        sum(e for *_, e in found) / float(max(square[1], 1)),
-    )
+    products, pairs = np.sum([near for near, _ in found], axis=0).T
+    square, expected, count = np.sum([sums for _, sums in found], axis=0)
+    if pairs.min() < FEWEST:
+        return None
+    near = products / pairs
+    return Structure(float(square / count - near[0]), tuple(map(float, near)), float(expected / count))
 
 
 def _near(z: np.ndarray, ok: np.ndarray) -> np.ndarray:

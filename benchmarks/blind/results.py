@@ -73,7 +73,7 @@ def answer(file: Path) -> Answer:
 
 def _structure(left: dict[str, Any]) -> float | None:
     expected = left.get("expected")
-    return float(left["structure"]["2 px"]["near"]) / expected if expected else None
+    return float(left["structure"]["2 px"]) / expected if expected else None
 
 
 def write(results: Results, folder: Path = FOLDER) -> Path:

@@ -50,17 +50,17 @@ def test_an_interval_ends_where_a_parameter_does(effect: str, name: str, value: 
     ("left", "said", "noise"),
     [
         (
-            Structure(0.064, (0.004, 0.003, 0.002, 0.001), (0.0,) * 4, 0.005),
+            Structure(0.064, (0.004, 0.003, 0.002, 0.001), 0.005),
             ("6.4 % of", "0.3 % is shared"),
             True,
         ),
         (
-            Structure(0.064, (0.2, 0.15, 0.1, 0.05), (0.0,) * 4, 0.005),
+            Structure(0.064, (0.2, 0.15, 0.1, 0.05), 0.005),
             ("6.4 % of", "15.0 % is shared"),
             False,
         ),
         (
-            Structure(-0.001, (0.0, -0.001, 0.0, 0.0), (0.0,) * 4, 0.005),
+            Structure(-0.001, (0.0, -0.001, 0.0, 0.0), 0.005),
             ("0.0 % of", "0.0 % is shared"),
             False,
         ),

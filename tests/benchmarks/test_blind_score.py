@@ -225,7 +225,7 @@ def test_a_set_that_is_not_kept_is_one_error(
 
 
 def test_structure_of_what_is_left_is_kept(tmp_path: Path):
-    left = {"white": 0.01, "structure": {"2 px": {"near": 0.03, "fixed": 0.1}}, "expected": 0.01}
+    left = {"white": 0.01, "structure": {"2 px": 0.03}, "expected": 0.01}
     gap = {"explained": 0.0, "before": 1.1, "after": 1.1}
     record = {"verdict": "none", "effects": [], "gap": gap, "seconds": 1.0, "left": left}
     (tmp_path / "diagnosis.json").write_text(json.dumps(record))
