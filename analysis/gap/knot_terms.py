@@ -5,7 +5,7 @@ lamps give it; where the scene stands elsewhere already, from there. Penumbrae w
 of the lamp, narrower ones with its square: the step is such that they are wider.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import FLAT, moved_objects, outlines
 from analysis.gap.knots import Change, Knots
 from analysis.gap.left import EDGED
+from analysis.gap.mounts import ALL, MOUNT, lamps_of, on_one_mount
 from analysis.gap.radiance import Changes, means
 from analysis.gap.roundness import is_round
 from analysis.gap.state import State
@@ -80,24 +81,44 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: 
     lights = {x.name: x for c in conditions for x in c.shown.scene.lights if x.kind is not LightKind.DOME}
     near = [n for n, x in lights.items() if x.kind is not LightKind.DISTANT]
     terms: list[Term] = []
-    for name in near:
+    for name in [*near, *on_one_mount(near)]:
+        several = name not in near
         for axis in "xyz":
             field = rendered(
-                knots, "light_position", name, axis, MOVED, lamp=name, together=True, sizes=sizes
+                knots,
+                "light_position",
+                name,
+                axis,
+                MOVED,
+                lamps=lamps_of(near, name),
+                together=True,
+                sizes=sizes,
             )
-            terms.append(Term("light_position", name, axis, "mm", t.light_position_mm, field,
-                              kind="scene", step=MOVED))  # fmt: skip
+            spike = t.light_position_mm * (MOUNT if several else 1.0)
+            terms.append(Term("light_position", name, axis, "mm", spike, field,
+                              kind="scene", step=MOVED, form=several))  # fmt: skip
     if near:
         middle = conditions[0].shown.scene.bounds.mean(axis=0)
         away = [np.linalg.norm(lights[n].world_from_light[:3, 3] - middle) for n in near]
         step = float(f"{1e3 * SIZE * np.median(away):.2g}")  # mm
         for name in ["", *near] if len(near) > 1 else near:
-            field = rendered(knots, "light_size", name, "spread", step, lamp=name, together=True, sizes=sizes)
+            field = rendered(
+                knots,
+                "light_size",
+                name,
+                "spread",
+                step,
+                lamps=lamps_of(near, name),
+                together=True,
+                sizes=sizes,
+            )
             terms.append(Term("light_size", name, "spread", "mm", EDGED * t.flat_field, field,
                               relative=True, low=0.0, kind="scene", step=step))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
     for name in ["", *shading] if len(shading) > 1 else shading:
-        field = rendered(knots, "shadow", name, "share", 1.0, lamp=name, together=True, sizes=sizes)
+        field = rendered(
+            knots, "shadow", name, "share", 1.0, lamps=lamps_of(shading, name), together=True, sizes=sizes
+        )
         terms.append(Term("shadow", name, "share", "1", EDGED * t.flat_field, field, relative=True, low=0.0))
     return terms
 
@@ -263,7 +284,7 @@ def rendered(
     step: float,
     *,
     together: bool = False,
-    lamp: str = "",
+    lamps: Collection[str] = (),
     material: str = "",
     among: Sequence[str] = (),
     sizes: Sizes,
@@ -271,7 +292,7 @@ def rendered(
     """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
     scene stands ``FAR`` steps away, from there.
 
-    ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamp``'s
+    ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamps``'
     or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
     of this one. ``sizes``: the steps of all parameters, which this one's is added to.
     """
@@ -283,20 +304,21 @@ def rendered(
     def field(s: State) -> np.ndarray | None:
         home = s.condition.shown
         weights = home.weights(s.condition.scene)
-        if lamp:
-            weights = {n: w for n, w in weights.items() if n == lamp}
+        if lamps:
+            weights = {n: w for n, w in weights.items() if n in lamps}
         if not any(w.any() for w in weights.values()) or not has(home.scene, target):
             return None
         drawn = home.origin or home
-        here = _about(s, target, sizes)
+        here = _about_lamps(s, sizes) if lamps else _about(s, target, sizes)
         if here:
+            moved = ALL if lamps else target  # a lamp's light is its own: one rendering does for all of them
             further = step * home.coarse
             if unit == "1":
                 further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
             try:
-                more = _more(here, cause, target, parameter, further)
+                more = _more(here, cause, moved, parameter, further)
                 back = (
-                    _more(here, cause, target, parameter, -further) if step < 0 else here
+                    _more(here, cause, moved, parameter, -further) if step < 0 else here
                 )  # inwards alone is half of it
                 there, before = (_there(s, knots.step(drawn, x), weights) for x in (more, back))
                 return _dn(s, there - before, 2 * further if step < 0 else further)
@@ -317,15 +339,28 @@ def _about(s: State, target: str, sizes: Sizes) -> Changes:
     near each other share their renderings, and to ``APART`` steps of what is more than the target or a part of it."""
     names = s.condition.shown.scene.object_names
     own = set(members(names, target)) if target else set()
+    near = [
+        (effect, t, 1.0 if t == target else APART)
+        for effect, t in s.scene
+        if t == target or own & set(members(names, t))
+    ]
+    return _on_grid(s, near, sizes)
+
+
+def _about_lamps(s: State, sizes: Sizes) -> Changes:
+    """What is in force of lamps, to whole steps as above."""
+    names = [x.name for x in s.condition.shown.scene.lights]
+    return _on_grid(s, [(effect, t, 1.0) for effect, t in s.scene if t == ALL or members(names, t)], sizes)
+
+
+def _on_grid(s: State, changes: Sequence[tuple[Effect, str, float]], sizes: Sizes) -> Changes:
     found = []
-    for effect, t in s.scene:
-        if t == target or own & set(members(names, t)):
-            steps = sizes.get((effect.name(), t), {})
-            apart = 1.0 if t == target else APART
-            on_grid = s.condition.shown.coarse == 1
-            near = _rounded(effect, {n: apart * x for n, x in steps.items()}) if on_grid else effect
-            if near.is_there:
-                found.append((near, t))
+    for effect, t, apart in changes:
+        steps = sizes.get((effect.name(), t), {})
+        on_grid = s.condition.shown.coarse == 1
+        near = _rounded(effect, {n: apart * x for n, x in steps.items()}) if on_grid else effect
+        if near.is_there:
+            found.append((near, t))
     return tuple(found)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.left import LAMP, REFLECTED, SMOOTH
+from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
 from analysis.gap.radiance import weighted
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
@@ -130,26 +131,30 @@ def _from_lamp(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def shaded(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     """The lamps' places where nothing may be rendered: their shading moves, shadows and highlights stay."""
-    near = dict.fromkeys(x.name for c in conditions for x in c.shown.scene.lights if x.kind not in FAR)
+    near = list(dict.fromkeys(x.name for c in conditions for x in c.shown.scene.lights if x.kind not in FAR))
     spike = tolerances.light_position_mm
     return [
-        Term("light_position", n, "xyz"[axis], "mm", spike, _shading(n, axis))
-        for n in near
+        Term("light_position", n, "xyz"[axis], "mm", spike * (1.0 if n in near else MOUNT),
+             _shading(lamps_of(near, n), axis), form=n not in near)
+        for n in [*near, *on_one_mount(near)]
         for axis in range(3)
-    ]
+    ]  # fmt: skip
 
 
-def _shading(name: str, axis: int) -> Field:
+def _shading(names: Sequence[str], axis: int) -> Field:
     def field(s: State) -> np.ndarray | None:
-        if name not in s.lamps:
-            return None
-        d, r = _from_lamp(s, name)
-        n = s.normal
-        cos = np.maximum(np.sum(n * d, axis=-1, keepdims=True), 0.05 * r)
-        slope = 1e-3 * (n[..., axis, None] / cos - 3 * d[..., axis, None] / r**2)
-        return s.lamps[name] * slope.astype(np.float32)
+        parts = [_shaded(s, name, axis) for name in names if name in s.lamps]
+        return sum(parts[1:], parts[0]) if parts else None
 
     return field
+
+
+def _shaded(s: State, name: str, axis: int) -> np.ndarray:
+    d, r = _from_lamp(s, name)
+    n = s.normal
+    cos = np.maximum(np.sum(n * d, axis=-1, keepdims=True), 0.05 * r)
+    slope = 1e-3 * (n[..., axis, None] / cos - 3 * d[..., axis, None] / r**2)
+    return np.asarray(s.lamps[name] * slope.astype(np.float32))
 
 
 def _axes(state: State, name: str) -> np.ndarray:
