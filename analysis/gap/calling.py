@@ -103,6 +103,12 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     )
 
 
+def beside_structure(fitted: Fit, left: float, probable: float) -> Fit:
+    """The causes beside what has structure and no name, ``left`` σ² of a value, which is ``probable`` to have a cause:
+    as beside what is left over."""
+    return _beside(fitted, left, probable) if probable >= PRESENT else fitted
+
+
 def only_called(fitted: Fit) -> Fit:
     """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
     nothing. Where nothing is called, what is taken for a larger error of the calibration than was declared is one: the
@@ -115,6 +121,19 @@ def only_called(fitted: Fit) -> Fit:
         nothing = fitted.stood(best.of(larger)) if larger else fitted.before
         return replace(fitted, before=nothing, after=nothing)
     return replace(fitted, after=fitted.stood(best.of(kept)))
+
+
+def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
+    """Where nothing is called: with the file as written at its best where the held-out captures are surely simulated
+    better so than with what the others say of the calibration."""
+    written = [c.simulated().dn for c in held]
+    sums = by.blocks(written, each(fitted.before.simulated, held))
+    off = sums[:, 2] - sums[:, 4]
+    if off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
+        return fitted
+    zero = np.zeros(len(fitted.terms))
+    nothing = Model(fitted.terms, zero, zero, fitted.before.knots)
+    return replace(fitted, before=nothing, after=nothing)
 
 
 def taken_off(by: Yardstick, before: Images, after: Images) -> float:
@@ -138,9 +157,13 @@ def beside_left_over(fitted: Fit, noise: Sequence[NoiseFinding]) -> Fit:
         return replace(fitted, left_over=(more, 0.0))
     if probable < PRESENT:
         return fitted
+    return _beside(fitted, more, probable)
+
+
+def _beside(fitted: Fit, left: float, probable: float) -> Fit:
     e, theta, out = fitted.evidence.e, fitted.after.theta, dict(fitted.probability)
     for cause in fitted.best.causes:
         index = fitted.evidence.members[cause]
         own = float(theta[index] @ e.G[np.ix_(index, index)] @ theta[index])
-        out[cause] = out.get(cause, 0.0) * own / (own + probable * more * e.count)
+        out[cause] = out.get(cause, 0.0) * own / max(own + probable * left * e.count, 1e-30)
     return replace(fitted, probability=out)

@@ -32,6 +32,7 @@ EDGES = (
     "motion_blur",
     "rolling_shutter",
 )  # of them, what changes edges
+WIDER = (*EDGES, "veiling_glare")  # every lens scatters some light, which no data sheet tells
 MINOR = {
     "red_u": 0.2,
     "red_v": 0.2,
@@ -91,7 +92,7 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                     parameter=parameter,
                     unit=about.unit,
                     form=len(steady) > 1,
-                    spike=absolute.get(name, tolerances.flat_field * (EDGED if name in EDGES else SMOOTH)),
+                    spike=absolute.get(name, tolerances.flat_field * (EDGED if name in WIDER else SMOOTH)),
                     field=field,
                     relative=name not in absolute,
                     power=power,

@@ -21,7 +21,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.calling import borne_out, confirmed, no_worse
+from analysis.gap.calling import confirmed, no_worse
 from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
@@ -48,20 +48,18 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
 from analysis.gap.parallel import each
-from analysis.gap.pixel_map import pixel_maps
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.scales import UNDECLARED
 from analysis.gap.shape_left import shape_left
-from analysis.gap.shrinkage import Yardstick, gap, yardstick
-from analysis.gap.structure import structure
+from analysis.gap.shrinkage import Yardstick, yardstick
 from analysis.gap.terms import Term
+from analysis.gap.verdict import Simulations, verdict
 from analysis.gap.verify import verified
 from interchange.captures import Captures
 from interchange.effects.parts import called
 from interchange.formats.document import Document
-from interchange.problems import BrightfieldError
 
 SLIGHTLY = 1.5  # times a tolerance that nobody need look after
 WRITTEN = (
@@ -70,15 +68,6 @@ WRITTEN = (
     "saturation",
     "jpeg",
 )  # effects without a mean that a scene file can say
-
-
-@dataclass(frozen=True, eq=False)
-class Simulations:
-    """What is expected of each held-out condition, (H, W, C) DN each: see analysis.gap.shrinkage."""
-
-    as_written: tuple[np.ndarray, ...]
-    before: tuple[np.ndarray, ...]
-    after: tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,37 +148,18 @@ def diagnose(
     shown_of_noise = with_noise(evened, corrected, judged)
     if shown_of_noise is not evened:  # weighed by the data sheet, it would be taken for what has no name
         all_of_them, fitted, corrected, judged = stood(shown_of_noise)
-    held = [c for c in all_of_them if c.held_out]
-    sure = borne_out(fitted, held, judged, scale)
-    if sure.after is not fitted.after:
-        corrected = each(sure.after.simulated, all_of_them)
-    fitted = sure
-    after = [dn for c, dn in zip(all_of_them, corrected, strict=True) if c.held_out]
-    by = yardstick(held, after, scale)
-    pattern = any(n.name == PATTERN and n.probability >= PRESENT for n in judged)
-    maps = pixel_maps(all_of_them, corrected) if pattern else None
-    shown = Simulations(
-        tuple(c.simulated().dn for c in held),
-        tuple(each(fitted.before.simulated, held)),
-        tuple(maps.applied(held, after) if maps else after),
-    )
-    if not any(ok.any() for ok in by.ok):
-        raise BrightfieldError(
-            "No pixel of the held-out captures can be compared: all are masked or saturated."
-        )
-    shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
+    v = verdict(fitted, all_of_them, corrected, judged, scale)
+    fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
-    taken = attribution(fitted, held, by, shown.before, after, maps, told)
+    taken = attribution(fitted, held, v.by, v.shown.before, v.after, v.maps, told)
     findings = effects_found(fitted, taken, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     findings.sort(key=lambda f: (-f.probability, -f.share))
-    shared = structure(all_of_them, corrected)
-    times, structured = shared.unexplained(shrunk.before**2 - shrunk.after**2) if shared else (0.0, 0.0)
-    if any(n.probability >= PRESENT for n in judged):
-        structured = 0.0  # uneven lines and pixels are no light's
-    left_at = shape_left(all_of_them, corrected) if max(fitted.left_over[1], structured) >= PRESENT else ""
-    unknown = what_is_unknown(fitted, left_at, (times, structured))
+    left_at = (
+        shape_left(all_of_them, v.corrected) if max(fitted.left_over[1], v.structured) >= PRESENT else ""
+    )
+    unknown = what_is_unknown(fitted, left_at, (v.times, v.structured))
     rehearsal = None
     if rehearsals:
         written = [c for c in whole if not c.held_out]
@@ -202,7 +172,7 @@ def diagnose(
         ]
         unknown = tuple((words, rehearsal.calibrated(p)) for words, p in unknown)
     told("where", 0.0)
-    where = _ledger(all_of_them, fitted, corrected)
+    where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
     changes = [
         *_changes(fitted, {f.name for f in findings}),
@@ -214,16 +184,16 @@ def diagnose(
         for f in findings
         if "rms in places" in f.parameters
     }
-    if maps:
+    if v.maps:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
     left |= {f.name: "Render it with paths (--render offline)." for f in findings if "added" in f.parameters}
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
-        claim = claimed(fitted, held, by, taken, carried)
+        claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
-        check = verified(scene_file, held, errors, by, claim, render, settings, cache, told)
+        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told)
     tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
     notes = [
         *_refuted(fitted),
@@ -244,15 +214,15 @@ def diagnose(
         seconds=time.monotonic() - began,
         notes=tuple(notes),
         waterfall=waterfall(shrunk, taken),
-        edges=_edges(held, by, shown),
-        metric=measured(*metric, held, shown.as_written, shown.before, shown.after) if metric else None,
+        edges=_edges(held, v.by, v.shown),
+        metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
         verification=check,
         smallest=detectable(fitted.evidence, fitted.declared),
         over_declared=fitted.factors,
         rehearsal=rehearsal,
-        left=shared,
+        left=v.left,
     )
-    return Diagnosed(diagnosis, tuple(all_of_them), fitted, shown)
+    return Diagnosed(diagnosis, tuple(all_of_them), fitted, v.shown)
 
 
 def _noise(fitted: Fit, whole: Sequence[Condition], corrected: Sequence[np.ndarray]) -> list[NoiseFinding]:

@@ -20,6 +20,7 @@ ORDER = 5  # cosines a side
 GRID = (12, 9)  # places of an image, columns and rows
 BOX = 8  # places of the scene's longest side
 SPARE = 0.0005  # rms of places, over the signal, that no twin gets right
+DRIFTS = 0.4  # of a lamp's tolerance: how captures differ in brightness
 UNEVEN = 0.5  # of an albedo's tolerance: how uneven a surface may be that is right on the whole
 PERIODS = 3  # of stripes that are tried
 AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
@@ -61,7 +62,9 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     terms.append(_term(SURROUNDINGS, "", "gain", seldom, _surroundings))
     sharp = _term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper)
     terms.append(replace(sharp, low=0.0, against=BLURS))  # both together are a blur of another shape
-    terms += [_term(CAPTURE, c.name, "gain", t.light_intensity / 5, _capture(c.name)) for c in conditions]
+    terms += [
+        _term(CAPTURE, c.name, "gain", DRIFTS * t.light_intensity, _capture(c.name)) for c in conditions
+    ]
     for camera in cameras:
         terms += _waves(camera, conditions, seldom)
     return [*terms, *_places(cameras, conditions)]

@@ -26,6 +26,8 @@ STEEP, EDGES = 0.05, 1e-3  # of the light a px; share of the image
 ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
 # thickness over length of what is printed on something: it lies there, and has no size of its own
 FLAT = 0.02
+CONVENTION = 0.5  # of a principal point's tolerance: what all cameras' are off by alike
+ALL = ""  # the target of all cameras
 DECENTRED = 0.3  # of a lens's distortion: its elements stand nearly on one axis
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
@@ -36,16 +38,7 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     px = EACH * tolerances.registration_px
     for name in dict.fromkeys(stand(c) for c in conditions):
         terms += _pose(name, next(c for c in conditions if stand(c) == name), px)
-    for name in dict.fromkeys(c.camera.name for c in conditions):
-        for axis, parameter in enumerate(("cx", "cy")):
-
-            def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:
-                if s.camera.name != name:
-                    return None
-                one, nothing = np.ones(s.grid[0].shape), np.zeros(s.grid[0].shape)
-                return (one, nothing) if axis == 0 else (nothing, one)
-
-            terms.append(moving("principal_point", name, parameter, "px", px, flow))
+    terms += _principal_points(conditions, px)
     lens = _lens(conditions[0], px)
     terms += of_all(lens) if several(conditions) else lens
     for name in dict.fromkeys(c.camera.name for c in conditions):
@@ -55,6 +48,24 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     terms += _read_out(conditions, px)
     if not any(has_edges(c) for c in conditions):
         terms = [replace(t, cause=NUISANCE) for t in terms]
+    return terms
+
+
+def _principal_points(conditions: Sequence[Condition], px: float) -> list[Term]:
+    """Of each camera, and of all alike: where a pixel's middle lies is a convention."""
+    terms = []
+    cameras = dict.fromkeys(c.camera.name for c in conditions)
+    for name in [ALL] * several(conditions) + [*cameras]:
+        for axis, parameter in enumerate(("cx", "cy")):
+
+            def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:
+                if name not in (ALL, s.camera.name):
+                    return None
+                one, nothing = np.ones(s.grid[0].shape), np.zeros(s.grid[0].shape)
+                return (one, nothing) if axis == 0 else (nothing, one)
+
+            term = moving("principal_point", name, parameter, "px", px, flow)
+            terms.append(replace(term, form=True, spike=CONVENTION * px) if name == ALL else term)
     return terms
 
 

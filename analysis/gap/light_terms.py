@@ -23,7 +23,7 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 # shares as the blind engine draws them (0.8 and 0.5), which was read before
 # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 GRAY = (0.8, 0.6)
-COLOR = 0.2  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
+COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
 def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:

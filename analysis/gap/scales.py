@@ -2,9 +2,10 @@
 
 A tolerance is one standard deviation, and nobody knows it exactly. Where many numbers have the same one, the captures
 tell it: a factor κ for each, the one under which the best hypothesis is the likeliest, with ln κ normally distributed a
-priori, and never less than 1. What was not declared (how far lamps' colors are off, how captures differ in brightness)
-is taken for a share of what was, which is a guess, and is judged apart. Probabilities are averaged over what else κ may
-be. One number that is four tolerances off is an effect; a dozen of them are a tolerance that is too small.
+priori, and never less than 1. What was not declared (how far lamps' colors and exposures are off, how captures differ
+in brightness, how uneven surfaces are) is taken for a share of what was, which is a guess, and is judged apart.
+Probabilities are averaged over what else κ may be. One number that is four tolerances off is an effect; a dozen of them
+are a tolerance that is too small.
 
 MacKay: Bayesian interpolation. Neural Computation 1992 (the evidence of hyperparameters).
 """
@@ -17,7 +18,7 @@ from itertools import product
 import numpy as np
 
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.generic_terms import CAPTURE, FACTOR
+from analysis.gap.generic_terms import CAPTURE, FACTOR, SURFACE
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -36,8 +37,14 @@ EXPLAINED = 1.1  # residual over what is expected, up to which errors of calibra
 
 LEFT = "effects that no tolerance speaks of"
 COLORS, DRIFT = "errors of lamps' colors", "changes of brightness from capture to capture"
-OF_LAMPS = {COLORS: "light_spectrum", DRIFT: CAPTURE}  # whose spikes are a share of a lamp's intensity
-UNDECLARED = (LEFT, *OF_LAMPS)
+EXPOSURES, PATTERNS = "errors of exposures", "patterns of surfaces"
+SHARES = {  # {what was not declared: the tolerance that its spikes are a share of, its causes}
+    COLORS: ("light_intensity", ("light_spectrum",)),
+    DRIFT: ("light_intensity", (CAPTURE,)),
+    EXPOSURES: ("light_intensity", ("exposure",)),
+    PATTERNS: ("albedo", ("texture", SURFACE)),
+}
+UNDECLARED = (LEFT, *SHARES)
 
 Shares = dict[str, np.ndarray]
 Place = dict[str, int]  # number of the factor of each tolerance
@@ -65,11 +72,10 @@ def shares(before: Sequence[Term], after: Sequence[Term]) -> Shares:
     is_field = np.array([t.cause == FACTOR for t in before])
     out[LEFT] = np.where(is_field, 0.0, out["flat_field"])
     out["flat_field"] = np.where(is_field, out["flat_field"], 0.0)
-    lamps = out["light_intensity"]
-    for name, cause in OF_LAMPS.items():
-        own = np.array([t.cause == cause for t in before])
-        out[name] = np.where(own, lamps, 0.0)
-        out["light_intensity"] = np.where(own, 0.0, out["light_intensity"])
+    for name, (tolerance, causes) in SHARES.items():
+        own = np.array([t.cause in causes for t in before])
+        out[name] = np.where(own, out[tolerance], 0.0)
+        out[tolerance] = np.where(own, 0.0, out[tolerance])
     return out
 
 

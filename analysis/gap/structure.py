@@ -42,10 +42,14 @@ class Structure:
     near: tuple[float, ...]
     expected: float
 
+    def unnamed(self, removed: float) -> float:
+        """S_2 less what formulas of effects with a name may leave of ``removed``, mean χ² that they take off."""
+        return self.near[AT] - SHAPE * max(removed, 0.0)
+
     def unexplained(self, removed: float) -> tuple[float, float]:
         """How many times E there is, and the probability that it has a cause without a name; ``removed``: mean χ² that
         effects with a name take off."""
-        left = self.near[AT] - SHAPE * max(removed, 0.0)
+        left = self.unnamed(removed)
         if left <= 0 or self.expected <= 0:
             return 0.0, 0.0
         x = float(np.log(left / self.expected))

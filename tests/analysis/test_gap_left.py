@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.evidence import Evidence
-from analysis.gap.generic_terms import generic_terms
+from analysis.gap.generic_terms import DRIFTS, generic_terms
 from analysis.gap.left import falling
 from analysis.gap.material_terms import matte_share
 from analysis.gap.normal_equations import NormalEquations
@@ -50,7 +50,7 @@ def test_each_family_is_as_wide_as_the_tolerances_say(small_bench: Bench, tmp_pa
         own = [x.spike for x in terms if x.cause == cause]
         assert np.sqrt(np.sum(np.square(own))) == pytest.approx(rms)
     capture = next(x for x in terms if x.cause == "fixed to a capture")
-    assert capture.spike == pytest.approx(t.light_intensity / 5)
+    assert capture.spike == pytest.approx(DRIFTS * t.light_intensity)
 
 
 def test_the_share_of_a_body_colour() -> None:

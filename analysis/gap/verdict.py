@@ -1,0 +1,112 @@
+"""What is called, and what that closes on captures that were held out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.gap.attribution import PATTERN, called
+from analysis.gap.calling import as_written_if_better, beside_structure, borne_out, only_called
+from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import PRESENT
+from analysis.gap.fit import Fit
+from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.parallel import each
+from analysis.gap.pixel_map import PixelMaps, pixel_maps
+from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
+from analysis.gap.structure import Structure, structure
+from interchange.problems import BrightfieldError
+
+
+@dataclass(frozen=True, eq=False)
+class Simulations:
+    """What is expected of each held-out condition, (H, W, C) DN each: see analysis.gap.shrinkage."""
+
+    as_written: tuple[np.ndarray, ...]
+    before: tuple[np.ndarray, ...]
+    after: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """``corrected``: of every condition, (H, W, C) DN, as ``fitted`` says; ``after`` the same of those held out,
+    without the ``maps`` of a fixed pattern. ``times`` as much structure as is usual is left, which is ``structured``
+    probable to have a cause without a name (analysis.gap.structure)."""
+
+    fitted: Fit
+    corrected: Sequence[np.ndarray]
+    after: list[np.ndarray]
+    by: Yardstick
+    maps: PixelMaps | None
+    shown: Simulations
+    gap: Gap
+    left: Structure | None
+    times: float
+    structured: float
+
+
+def verdict(
+    fitted: Fit,
+    conditions: Sequence[Condition],
+    corrected: Sequence[np.ndarray],
+    judged: Sequence[NoiseFinding],
+    scale: float,
+) -> Verdict:
+    """``corrected``: as ``fitted`` says so far. Causes that are not called leave, and what is left is looked at again,
+    until all that are left are called. Raises BrightfieldError where nothing can be compared."""
+    held = [c for c in conditions if c.held_out]
+    sure = borne_out(fitted, held, judged, scale)
+    if sure.after is not fitted.after:
+        corrected = each(sure.after.simulated, conditions)
+    while True:
+        found = _told(sure, conditions, corrected, judged, scale)
+        left = found.left.unnamed(_removed(found)) if found.left else 0.0
+        doubted = beside_structure(sure, left, found.structured)
+        if called(doubted) == called(sure):
+            break
+        sure = only_called(doubted)
+        corrected = each(sure.after.simulated, conditions)
+    found = replace(found, fitted=doubted)
+    if called(doubted):
+        return found
+    written = as_written_if_better(doubted, held, found.by)
+    if written is doubted:
+        return found
+    return _told(written, conditions, each(written.after.simulated, conditions), judged, scale)
+
+
+def _removed(v: Verdict) -> float:
+    """Mean χ² that effects with a name take off."""
+    return v.gap.before**2 - v.gap.after**2
+
+
+def _told(
+    fitted: Fit,
+    conditions: Sequence[Condition],
+    corrected: Sequence[np.ndarray],
+    judged: Sequence[NoiseFinding],
+    scale: float,
+) -> Verdict:
+    held = [c for c in conditions if c.held_out]
+    after = [dn for c, dn in zip(conditions, corrected, strict=True) if c.held_out]
+    by = yardstick(held, after, scale)
+    pattern = any(n.name == PATTERN and n.probability >= PRESENT for n in judged)
+    maps = pixel_maps(conditions, corrected) if pattern else None
+    shown = Simulations(
+        tuple(c.simulated().dn for c in held),
+        tuple(each(fitted.before.simulated, held)),
+        tuple(maps.applied(held, after) if maps else after),
+    )
+    if not any(ok.any() for ok in by.ok):
+        raise BrightfieldError(
+            "No pixel of the held-out captures can be compared: all are masked or saturated."
+        )
+    shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
+    left = structure(conditions, corrected)
+    found = Verdict(fitted, corrected, after, by, maps, shown, shrunk, left, 0.0, 0.0)
+    if left is None:
+        return found
+    times, structured = left.unexplained(_removed(found))
+    if any(n.probability >= PRESENT for n in judged):
+        structured = 0.0  # uneven lines and pixels are no light's
+    return replace(found, times=times, structured=structured)
