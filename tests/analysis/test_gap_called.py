@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.attribution import called
-from analysis.gap.calling import only_called
+from analysis.gap.calling import beside_structure, only_called
 from analysis.gap.caution import Caution
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fit import Fit
@@ -78,6 +78,19 @@ def test_a_larger_error_of_the_calibration_is_the_files_at_its_best() -> None:
     assert said.after.theta[0] == pytest.approx(
         0.48, abs=0.03
     )  # with what the other's tolerance leaves of that
+
+
+def test_beside_structure_a_cause_is_as_probable_as_it_outweighs_it() -> None:
+    """p E / (E + p_left E_left) of each, E of 3000 values; as it was where structure is rather none."""
+    fitted = _fit(0.9, 0.8)
+    assert beside_structure(fitted, 5.0, 0.4) is fitted
+    G, theta = fitted.evidence.e.G, fitted.after.theta
+    left = 0.25 * theta[0] ** 2 * G[0, 0] / 3000  # σ² of a value
+    doubted = beside_structure(fitted, left, 0.8)
+    assert doubted.probability[A] == pytest.approx(0.9 / 1.2)
+    own = theta[1] ** 2 * G[1, 1]
+    assert doubted.probability[B] == pytest.approx(0.8 * own / (own + 0.2 * theta[0] ** 2 * G[0, 0]))
+    assert doubted.after is fitted.after
 
 
 @pytest.mark.parametrize("causes", [(), (A,), (A, B)])

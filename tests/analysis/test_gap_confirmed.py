@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.gap.calling import KEPT, confirmed, taken_off, upheld
+from analysis.gap.calling import KEPT, as_written_if_better, confirmed, taken_off, upheld
 from analysis.gap.evidence import Hypothesis
 from analysis.gap.fit import Fit
 from analysis.gap.shrinkage import Yardstick
@@ -101,3 +101,22 @@ def test_causes_that_make_it_worse_together_are_none(share: float, kept: bool) -
     assert found.refuted == (EFFECT, UNNAMED)
     assert found.probability == {EFFECT: 0.0, UNNAMED: 0.0}
     assert found.left_over == pytest.approx((0.3, 1.0), abs=0.01)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.9, True), (0.51, True), (0.3, False)])
+def test_what_the_captures_say_of_a_calibration_is_held_against_the_file_as_written(
+    share: float, kept: bool
+) -> None:
+    """Where nothing is called; of a change of which ``share`` is true, to 0.013 of noise."""
+    by, written, changed = claimed(share)
+    condition = by.conditions[0]
+    condition.simulated = lambda: SimpleNamespace(dn=written)
+    best = Standing(changed)
+    best.knots = None
+    fitted = standing(best, best)
+    found = as_written_if_better(fitted, by.conditions, by)
+    if kept:
+        assert found is fitted
+        return
+    assert found.before is found.after
+    assert not found.before.theta.any()

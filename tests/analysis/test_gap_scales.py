@@ -8,7 +8,18 @@ import pytest
 from analysis.gap.evidence import Evidence
 from analysis.gap.generic_terms import CAPTURE
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.scales import COLORS, DRIFT, LEFT, averaged, factors, shares, told_apart, widths
+from analysis.gap.scales import (
+    COLORS,
+    DRIFT,
+    EXPOSURES,
+    LEFT,
+    PATTERNS,
+    averaged,
+    factors,
+    shares,
+    told_apart,
+    widths,
+)
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -126,17 +137,21 @@ def test_one_material_that_is_off_is_no_tolerance() -> None:
         assert bool(factors(evidence, evidence.spike, own, evidence.search())) == judged
 
 
-def test_what_lamps_are_not_declared_for_is_judged_apart() -> None:
-    """Colors and what differs between captures go with the lamps' intensity, by a share that is a guess."""
+def test_what_is_not_declared_is_judged_apart_from_what_it_is_a_share_of() -> None:
+    """Colors, exposures and what differs between captures go with the lamps' intensity, patterns of surfaces with the
+    albedo, by shares that are guesses."""
 
     def terms(t: Tolerances) -> list[Term]:
         lamp, *_ = _terms(t)
-        color = replace(lamp, cause="light_spectrum", spike=0.2 * t.light_intensity)
-        capture = replace(lamp, cause=CAPTURE, target="001.png", spike=0.2 * t.light_intensity, generic=True)
-        return [lamp, color, capture]
+        of_lamps = [
+            replace(lamp, cause=c, spike=0.2 * t.light_intensity)
+            for c in ("light_spectrum", CAPTURE, "exposure")
+        ]
+        albedo = replace(lamp, cause="albedo", spike=t.albedo)
+        return [lamp, *of_lamps, albedo, replace(albedo, cause="texture", spike=0.5 * t.albedo)]
 
     own = shares(terms(Tolerances()), terms(told_apart(Tolerances())))
-    assert own["light_intensity"] == pytest.approx([1, 0, 0])
-    assert own[COLORS] == pytest.approx([0, 1, 0])
-    assert own[DRIFT] == pytest.approx([0, 0, 1])
-    assert sum(own.values()) == pytest.approx([1, 1, 1])
+    wanted = ("light_intensity", COLORS, DRIFT, EXPOSURES, "albedo", PATTERNS)
+    for k, name in enumerate(wanted):
+        assert own[name] == pytest.approx(np.eye(6)[k])
+    assert sum(own.values()) == pytest.approx(np.ones(6))
