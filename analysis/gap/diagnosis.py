@@ -60,11 +60,12 @@ class Finding:
     gap_with: float
     share: float
     cameras: tuple[str, ...] = ()  # those that alone have it; none where all have
+    targets: tuple[str, ...] = ()  # lamps, materials or objects that it is about, where it is about some
 
     @property
     def called(self) -> str:
-        """ "vignetting of Camera1"."""
-        of = " and ".join(self.cameras)
+        """ "vignetting of Camera1", "albedo of paint and tin", "light position of all lamps"."""
+        of = " and ".join(self.cameras or self.targets)
         return self.name.replace("_", " ") + (f" of {of}" if of else "")
 
 

@@ -15,8 +15,16 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
 from analysis.gap.subpixel_terms import PRODUCT
+from analysis.gap.terms import Cause
 from interchange.effects.parts import called
 from interchange.sensor import Sensor
+
+EVERY = {  # what an effect is about whose target is none, where one of them could have it
+    "light_position": "all lamps",
+    "light_size": "all lamps",
+    "shadow": "all lamps",
+    "principal_point": "all cameras",
+}
 
 
 def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]:
@@ -62,9 +70,19 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
                 cameras=tuple(dict.fromkeys(called(fitted.terms[i].camera) for i in index))
                 if all(fitted.terms[i].camera for i in index)
                 else (),
+                targets=_targets(fitted, own),
             )
         )
     return out
+
+
+def _targets(fitted: Fit, own: Sequence[Cause]) -> tuple[str, ...]:
+    terms = [t for t in fitted.terms if t.cause in {name for name, _ in own}]
+    if any(t.kind == "chain" or t.camera for t in terms):
+        return ()  # of cameras, which are told by themselves
+    several = any(t.target for t in terms)
+    named = [called(target) if target else EVERY.get(name, "") if several else "" for name, target in own]
+    return tuple(dict.fromkeys(named)) if all(named) else ()
 
 
 def _rms(fitted: Fit, index: Sequence[int]) -> Estimate:
