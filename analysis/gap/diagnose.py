@@ -10,11 +10,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from analysis.gap import aperture
 from analysis.gap.attribution import (
-    CATALOGUED,
-    PATTERN,
-    Cause,
     Told,
     attribution,
     claimed,
@@ -22,17 +18,14 @@ from analysis.gap.attribution import (
     without,
 )
 from analysis.gap.calling import confirmed, no_worse
-from analysis.gap.chain_terms import signed
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
-from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
     beside_unknown,
-    cautious,
     effects_found,
     noise_effect,
     what_is_unknown,
@@ -46,28 +39,20 @@ from analysis.gap.model import Model
 from analysis.gap.noise import noise_findings, with_black_level, with_noise
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
-from analysis.gap.overlap import must_overlap, notes_on_files, shifts, with_files_bits
+from analysis.gap.notes import notes
+from analysis.gap.overlap import must_overlap, with_files_bits
 from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
-from analysis.gap.scales import UNDECLARED
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, yardstick
 from analysis.gap.terms import Term
 from analysis.gap.verdict import Simulations, verdict
 from analysis.gap.verify import verified
+from analysis.gap.written import written
 from interchange.captures import Captures
-from interchange.effects.parts import called
 from interchange.formats.document import Document
-
-SLIGHTLY = 1.5  # times a tolerance that nobody need look after
-WRITTEN = (
-    "sensor_noise",
-    "fixed_pattern",
-    "saturation",
-    "jpeg",
-)  # effects without a mean that a scene file can say
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,9 +147,9 @@ def diagnose(
     unknown = what_is_unknown(fitted, left_at, (v.times, v.structured))
     rehearsal = None
     if rehearsals:
-        written = [c for c in whole if not c.held_out]
+        fitted_to = [c for c in whole if not c.held_out]
         rng = np.random.default_rng(0)
-        rehearsal = rehearse(written, captures.tolerances, fitted, knots, rehearsals, rng, told)
+        rehearsal = rehearse(fitted_to, captures.tolerances, fitted, knots, rehearsals, rng, told)
         of_noise = {n.name for n in noise}  # which is judged by other figures
         findings = [
             f if f.name in of_noise else replace(f, probability=rehearsal.calibrated(f.probability))
@@ -174,37 +159,16 @@ def diagnose(
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
-    changes = [
-        *_changes(fitted, {f.name for f in findings}),
-        *(_noise_change(n) for n in noise if n.name in WRITTEN),
-    ]
-    left = write_corrected(document, captures, changes, scene_file)
-    left |= {
-        f.name: "Its pattern in places is in no scene file."
-        for f in findings
-        if "rms in places" in f.parameters
-    }
-    if v.maps:
-        left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
-    left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
-    left |= {f.name: "Render it with paths (--render offline)." for f in findings if "added" in f.parameters}
+    left = written(document, captures, fitted, findings, noise, v.maps is not None, scene_file)
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
         check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told)
-    tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
-    notes = [
-        *_refuted(fitted),
-        *cautious(fitted),
-        *_wider(fitted),
-        *_apertures(fitted),
-        *(str(x) for x in lines),
-        *_notes(all_of_them, where, tried, left),
-    ]
+    told_of = notes(all_of_them, fitted, where, judged, left, lines)
     if check is not None and check.sentence:
-        notes.insert(0, check.sentence)
+        told_of.insert(0, check.sentence)
     diagnosis = Diagnosis(
         effects=tuple(findings),
         unknown=unknown,
@@ -212,7 +176,7 @@ def diagnose(
         where=where,
         corrected_scene=scene_file.name,
         seconds=time.monotonic() - began,
-        notes=tuple(notes),
+        notes=tuple(told_of),
         waterfall=waterfall(shrunk, taken),
         edges=_edges(held, v.by, v.shown),
         metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
@@ -254,27 +218,6 @@ def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edge
     return Edges(*found) if found else None
 
 
-def _changes(fitted: Fit, names: set[str]) -> list[Change]:
-    """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
-    found: dict[Cause, dict[str, tuple[float, float]]] = {}
-    told_at: dict[Cause, float] = {}
-    for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
-        if term.cause in names and term.candidate in fitted.best.causes and term.family is None:
-            pair = (term.value(float(theta)), term.value(0.0))
-            found.setdefault(term.candidate, {})[term.parameter] = pair
-            told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
-    changes = []
-    for (name, target), values in found.items():
-        new, old = (signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1))
-        changes.append(Change(name, target, new, old, told_at[name, target]))
-    return changes
-
-
-def _noise_change(noise: NoiseFinding) -> Change:
-    """Its numbers stand for those of the sensor's data sheet."""
-    return Change(noise.name, "", {n: x.value for n, x in noise.parameters.items()}, None)
-
-
 def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]) -> Ledger:
     before = each(fitted.before.simulated, found)
     families = {
@@ -303,64 +246,3 @@ def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]
     seen = {name: np.array([i for i in places if evidence.seen[i]], int) for name, places in index.items()}
     fixed = fixed_to(seen, total.G, total.b, total.rr, evidence.spike)
     return ledger(found, before, after, fixed)
-
-
-def _refuted(fitted: Fit) -> list[str]:
-    return [
-        f"The captures that were fitted to speak for {name.replace('_', ' ')}{of}; those held out are simulated better "
-        f"without it, so it is taken back."
-        for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
-    ]
-
-
-def _apertures(fitted: Fit) -> list[str]:
-    v = aperture.variance(fitted.terms, fitted.after.theta)
-    if not aperture.may_be_one(fitted.best.causes, v):
-        return []
-    return [
-        f"A blur of {v**0.5:.2g} px is as small as that of pixels whose aperture is no square, and captures do not "
-        f"tell the two apart: {aperture.TELLING} does."
-    ]
-
-
-def _wider(fitted: Fit) -> list[str]:
-    notes = []
-    for name, factor in fitted.factors.items():
-        if factor > SLIGHTLY:
-            of, than = (name, "expected") if name in UNDECLARED else (f"errors of {name}", "declared")
-            notes.append(
-                f"{of[0].upper()}{of[1:]} look {factor:g} times as large as {than}, and are taken so: check the "
-                f"calibration. Effects below that are not found."
-            )
-    return notes
-
-
-def _notes(found: Sequence[Condition], where: Ledger, tried: set[str], left: dict[str, str]) -> list[str]:
-    notes = []
-    if not where.measured:
-        notes.append("No captures are repeats: the noise floor is the sensor model's, not measured.")
-    notes += notes_on_files(found)
-    notes += [
-        f"The captures of {name} lie {px:.1f} px off their simulation as a whole, which is more than registration "
-        f"follows well: calibrate the camera anew, or take the figures as those of a wrong pose."
-        for name, px in shifts(found).items()
-    ]
-    if len(found) < 6:
-        notes.append(
-            f"{len(found)} conditions are few: six or more, under two lamps and two poses, tell effects apart."
-        )
-    if any(c.shown.undrawn for c in found):
-        notes.append(
-            "The renderer draws direct light alone; what surfaces give each other was traced by paths, and is "
-            "interreflection where the captures show it."
-        )
-    elif not any(c.shown.indirect for c in found):
-        notes.append(
-            "The simulation has direct light alone: interreflection is not among the causes that were tried."
-        )
-    for name, reason in left.items():
-        notes.append(f"The corrected scene does not carry {name.replace('_', ' ')}: {reason}")
-    missing = sorted(n.replace("_", " ") for n in CATALOGUED - tried)
-    if missing:
-        notes.append(f"Not tried with these captures and this renderer: {', '.join(missing)}.")
-    return notes

@@ -1,0 +1,101 @@
+"""What limits a diagnosis, one sentence each."""
+
+from collections.abc import Sequence
+
+from analysis.gap import aperture
+from analysis.gap.attribution import CATALOGUED
+from analysis.gap.conditions import Condition
+from analysis.gap.findings import cautious
+from analysis.gap.fit import Fit
+from analysis.gap.ledger import Ledger
+from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.overlap import notes_on_files, shifts
+from analysis.gap.scales import UNDECLARED
+from interchange.effects.parts import called
+
+SLIGHTLY = 1.5  # times a tolerance that nobody need look after
+
+
+def notes(
+    conditions: Sequence[Condition],
+    fitted: Fit,
+    where: Ledger,
+    judged: Sequence[NoiseFinding],
+    left: dict[str, str],
+    lines: Sequence[object],
+) -> list[str]:
+    """``judged``: the effects of noise that were tried; ``left``: what the corrected scene does not carry, and why;
+    ``lines``: rows and columns that were taken out of the captures before."""
+    tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
+    found = [
+        *_refuted(fitted),
+        *cautious(fitted),
+        *_wider(fitted),
+        *_apertures(fitted),
+        *(str(x) for x in lines),
+        *_of_captures(conditions, where),
+    ]
+    found += [
+        f"The corrected scene does not carry {name.replace('_', ' ')}: {reason}"
+        for name, reason in left.items()
+    ]
+    missing = sorted(n.replace("_", " ") for n in CATALOGUED - tried)
+    if missing:
+        found.append(f"Not tried with these captures and this renderer: {', '.join(missing)}.")
+    return found
+
+
+def _refuted(fitted: Fit) -> list[str]:
+    return [
+        f"The captures that were fitted to speak for {name.replace('_', ' ')}{of}; those held out are simulated better "
+        f"without it, so it is taken back."
+        for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
+    ]
+
+
+def _apertures(fitted: Fit) -> list[str]:
+    v = aperture.variance(fitted.terms, fitted.after.theta)
+    if not aperture.may_be_one(fitted.best.causes, v):
+        return []
+    return [
+        f"A blur of {v**0.5:.2g} px is as small as that of pixels whose aperture is no square, and captures do not "
+        f"tell the two apart: {aperture.TELLING} does."
+    ]
+
+
+def _wider(fitted: Fit) -> list[str]:
+    notes = []
+    for name, factor in fitted.factors.items():
+        if factor > SLIGHTLY:
+            of, than = (name, "expected") if name in UNDECLARED else (f"errors of {name}", "declared")
+            notes.append(
+                f"{of[0].upper()}{of[1:]} look {factor:g} times as large as {than}, and are taken so: check the "
+                f"calibration. Effects below that are not found."
+            )
+    return notes
+
+
+def _of_captures(found: Sequence[Condition], where: Ledger) -> list[str]:
+    notes = []
+    if not where.measured:
+        notes.append("No captures are repeats: the noise floor is the sensor model's, not measured.")
+    notes += notes_on_files(found)
+    notes += [
+        f"The captures of {name} lie {px:.1f} px off their simulation as a whole, which is more than registration "
+        f"follows well: calibrate the camera anew, or take the figures as those of a wrong pose."
+        for name, px in shifts(found).items()
+    ]
+    if len(found) < 6:
+        notes.append(
+            f"{len(found)} conditions are few: six or more, under two lamps and two poses, tell effects apart."
+        )
+    if any(c.shown.undrawn for c in found):
+        notes.append(
+            "The renderer draws direct light alone; what surfaces give each other was traced by paths, and is "
+            "interreflection where the captures show it."
+        )
+    elif not any(c.shown.indirect for c in found):
+        notes.append(
+            "The simulation has direct light alone: interreflection is not among the causes that were tried."
+        )
+    return notes

@@ -1,0 +1,70 @@
+"""What was found, written into the scene file, and what of it no scene file carries."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from analysis.gap.attribution import PATTERN, Cause
+from analysis.gap.chain_terms import signed
+from analysis.gap.corrected import Change, write_corrected
+from analysis.gap.diagnosis import Finding
+from analysis.gap.fit import Fit
+from analysis.gap.noise_finding import NoiseFinding
+from interchange.captures import Captures
+from interchange.formats.document import Document
+
+WRITTEN = (
+    "sensor_noise",
+    "fixed_pattern",
+    "saturation",
+    "jpeg",
+)  # effects without a mean that a scene file can say
+
+
+def written(
+    document: Document,
+    captures: Captures,
+    fitted: Fit,
+    findings: Sequence[Finding],
+    noise: Sequence[NoiseFinding],
+    mapped: bool,
+    path: Path,
+) -> dict[str, str]:
+    """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
+    pixels are off by how much is known."""
+    changes = [
+        *_changes(fitted, {f.name for f in findings}),
+        *(_noise_change(n) for n in noise if n.name in WRITTEN),
+    ]
+    left = write_corrected(document, captures, changes, path)
+    left |= {
+        f.name: "Its pattern in places is in no scene file."
+        for f in findings
+        if "rms in places" in f.parameters
+    }
+    if mapped:
+        left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
+    left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
+    return left | {
+        f.name: "Render it with paths (--render offline)." for f in findings if "added" in f.parameters
+    }
+
+
+def _changes(fitted: Fit, names: set[str]) -> list[Change]:
+    """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
+    found: dict[Cause, dict[str, tuple[float, float]]] = {}
+    told_at: dict[Cause, float] = {}
+    for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
+        if term.cause in names and term.candidate in fitted.best.causes and term.family is None:
+            pair = (term.value(float(theta)), term.value(0.0))
+            found.setdefault(term.candidate, {})[term.parameter] = pair
+            told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
+    changes = []
+    for (name, target), values in found.items():
+        new, old = (signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1))
+        changes.append(Change(name, target, new, old, told_at[name, target]))
+    return changes
+
+
+def _noise_change(noise: NoiseFinding) -> Change:
+    """Its numbers stand for those of the sensor's data sheet."""
+    return Change(noise.name, "", {n: x.value for n, x in noise.parameters.items()}, None)
