@@ -5,33 +5,31 @@ lamps give it; where the scene stands elsewhere already, from there. Penumbrae w
 of the lamp, narrower ones with its square: the step is such that they are wider.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import FLAT, moved_objects, outlines
-from analysis.gap.knots import Change, Knots
+from analysis.gap.knots import Knots
 from analysis.gap.left import EDGED
-from analysis.gap.mounts import ALL, MOUNT, lamps_of, on_one_mount
-from analysis.gap.radiance import Changes, means
+from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
 from analysis.gap.roundness import is_round
 from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Field, Term
-from analysis.gap.views import placed
+from analysis.gap.stepped import Sizes, in_dn, rendered, there
+from analysis.gap.terms import NUISANCE, Term
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lobes import has_lobes, is_isotropic
 from interchange.camera import Projection
 from interchange.captures import Tolerances
-from interchange.effects import MODELS, Effect
-from interchange.effects.parts import SEVERAL, bounds, has, members
+from interchange.effects import MODELS
+from interchange.effects.parts import SEVERAL, bounds, members
 from interchange.frames import apply
 from interchange.light import LightKind
 from interchange.material import Material
 from interchange.mesh import Mesh
-from interchange.parameter import ParameterError, parameters
-from interchange.problems import BrightfieldError
+from interchange.parameter import ParameterError
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
@@ -44,13 +42,7 @@ OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
 RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
-APART = 4.0
-LARGEST_SHARE = 0.25  # of a size or a gloss: no step is longer on a coarse grid either
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
-
-Sizes = dict[
-    tuple[str, str], dict[str, float]
-]  # of an effect and what it is about: the step of each parameter
 
 
 def knot_terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots) -> list[Term]:
@@ -72,7 +64,7 @@ def _standing_off(t: Tolerances, knots: Knots) -> Term:
         weights = s.shown.weights(s.condition.scene)
         if not any(w.any() for w in weights.values()):
             return None
-        return _dn(s, _there(s, knots.standing_off(s.condition.shown, 1e-3 * OFFSET), weights), OFFSET)
+        return in_dn(s, there(s, knots.standing_off(s.condition.shown, 1e-3 * OFFSET), weights), OFFSET)
 
     return Term(NUISANCE, "", "standing off", "mm", STANDS * t.object_pose_mm, field)
 
@@ -274,123 +266,3 @@ def _counts(conditions: Sequence[Condition], of: str) -> dict[str, float]:
         for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
             found[names[k]] = max(found.get(names[k], 0.0), n * 480 * 360 / ids.size)
     return found
-
-
-def rendered(
-    knots: Knots,
-    cause: str,
-    target: str,
-    parameter: str,
-    step: float,
-    *,
-    together: bool = False,
-    lamps: Collection[str] = (),
-    material: str = "",
-    among: Sequence[str] = (),
-    sizes: Sizes,
-) -> Field:
-    """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
-    scene stands ``FAR`` steps away, from there.
-
-    ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamps``'
-    or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
-    of this one. ``sizes``: the steps of all parameters, which this one's is added to.
-    """
-    start = float(getattr(MODELS[cause](), parameter))
-    unit = parameters(MODELS[cause])[parameter].unit
-    once = ((MODELS[cause](**{parameter: start + step}), "" if together else target),)
-    sizes.setdefault((cause, target), {})[parameter] = abs(step)
-
-    def field(s: State) -> np.ndarray | None:
-        home = s.condition.shown
-        weights = home.weights(s.condition.scene)
-        if lamps:
-            weights = {n: w for n, w in weights.items() if n in lamps}
-        if not any(w.any() for w in weights.values()) or not has(home.scene, target):
-            return None
-        drawn = home.origin or home
-        here = _about_lamps(s, sizes) if lamps else _about(s, target, sizes)
-        if here:
-            moved = ALL if lamps else target  # a lamp's light is its own: one rendering does for all of them
-            further = step * home.coarse
-            if unit == "1":
-                further = float(np.clip(further, -LARGEST_SHARE, LARGEST_SHARE))
-            try:
-                more = _more(here, cause, moved, parameter, further)
-                back = (
-                    _more(here, cause, moved, parameter, -further) if step < 0 else here
-                )  # inwards alone is half of it
-                there, before = (_there(s, knots.step(drawn, x), weights) for x in (more, back))
-                return _dn(s, there - before, 2 * further if step < 0 else further)
-            except BrightfieldError:  # at the end of what it may be: what it does at home has to do
-                pass
-        out = _dn(s, _there(s, knots.step(drawn, once), weights), step)
-        if material:
-            names = s.shown.scene.material_names
-            others = [names.index(n) for n in among if n != material and n in names]
-            out = out * ~np.isin(s.take(s.shown.passes["material_id"]), others)[..., None]
-        return out
-
-    return field
-
-
-def _about(s: State, target: str, sizes: Sizes) -> Changes:
-    """What is in force of the same object, lamp or material; to whole steps on the sensor's own grid, so that places
-    near each other share their renderings, and to ``APART`` steps of what is more than the target or a part of it."""
-    names = s.condition.shown.scene.object_names
-    own = set(members(names, target)) if target else set()
-    near = [
-        (effect, t, 1.0 if t == target else APART)
-        for effect, t in s.scene
-        if t == target or own & set(members(names, t))
-    ]
-    return _on_grid(s, near, sizes)
-
-
-def _about_lamps(s: State, sizes: Sizes) -> Changes:
-    """What is in force of lamps, to whole steps as above."""
-    names = [x.name for x in s.condition.shown.scene.lights]
-    return _on_grid(s, [(effect, t, 1.0) for effect, t in s.scene if t == ALL or members(names, t)], sizes)
-
-
-def _on_grid(s: State, changes: Sequence[tuple[Effect, str, float]], sizes: Sizes) -> Changes:
-    found = []
-    for effect, t, apart in changes:
-        steps = sizes.get((effect.name(), t), {})
-        on_grid = s.condition.shown.coarse == 1
-        near = _rounded(effect, {n: apart * x for n, x in steps.items()}) if on_grid else effect
-        if near.is_there:
-            found.append((near, t))
-    return tuple(found)
-
-
-def _rounded(effect: Effect, steps: dict[str, float]) -> Effect:
-    none = type(effect)()
-    values = {}
-    for name, step in steps.items():
-        start = getattr(none, name)
-        values[name] = start + step * round((getattr(effect, name) - start) / step)
-    return replace(effect, **values)  # type: ignore[type-var]
-
-
-def _more(here: Changes, cause: str, target: str, parameter: str, step: float) -> Changes:
-    """``here`` with ``step`` more of one parameter. Raises ParameterError where that is more than it may be."""
-    own = next((e for e, t in here if e.name() == cause and t == target), None)
-    before = own or MODELS[cause]()
-    more = replace(before, **{parameter: getattr(before, parameter) + step})  # type: ignore[type-var]
-    if own is None:
-        return (*here, (more, target))
-    return tuple((more if e is own else e, t) for e, t in here)
-
-
-def _there(s: State, change: Change, weights: dict[str, np.ndarray]) -> np.ndarray:
-    """(h, w, 3): a change of radiance as the image is moved; the mean of it where a pixel stands for several."""
-    home = s.condition.shown
-    if home.origin is None:
-        return change.at(weights, s.camera.sensor.resolution, *s.source)
-    whole = change.radiance(weights, home.origin.camera.sensor.resolution)
-    return s.take(placed(means(whole, home.coarse), s.flow))
-
-
-def _dn(s: State, radiance: np.ndarray, step: float) -> np.ndarray:
-    return np.asarray(s.per_radiance * s.channels(radiance) / np.float32(step), np.float32)
