@@ -94,7 +94,7 @@ def covered(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> tup
         a = answers[label["case"]]
         for effect in label["effects"]:
             found = (a.parameters or {}).get(effect["name"], {})
-            for name, value in effect["parameters"].items():
+            for name, value in of_all(effect["parameters"], found).items():
                 if name in found:
                     estimate, sigma = found[name]
                     count += 1
@@ -106,6 +106,17 @@ def covered(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> tup
                     )
                     errors.append(abs(estimate - value) / max(size, 1e-9))
     return hits, count, errors
+
+
+def of_all(truth: dict[str, float], found: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """``truth`` under the names of ``found``: what is alike for several lamps ("LED0 x", "LED1 x") is one number, "x",
+    where it was told as that of all."""
+    out: dict[str, float] = {}
+    for name, value in truth.items():
+        last = name.rsplit(" ", 1)[-1]
+        alike = [x for n, x in truth.items() if n.rsplit(" ", 1)[-1] == last]
+        out[last if last in found and name not in found and min(alike) == max(alike) else name] = value
+    return out
 
 
 CLAIMS = {

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.blind import results, score, sealing
 from benchmarks.blind.page import table
 from benchmarks.blind.results import Answer, Results, answer
-from benchmarks.blind.rules import calibration, confidently_wrong, interval, right
+from benchmarks.blind.rules import calibration, confidently_wrong, covered, interval, right
 
 
 def test_labels_are_sealed_and_opened_once(tmp_path: Path):
@@ -75,6 +75,29 @@ def test_calibration_error_of_what_is_right_as_often_as_it_says():
     # bins of 80 answers that are right with p: 0.8 sqrt(p (1 - p) / 80) at most, half of it as they are spread evenly
     assert calibration(sure[::-1]) < 0.05
     assert calibration([(0.95, False)] * 20) == pytest.approx(0.95)
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ({"x": (1.0, 0.5), "y": (3.0, 0.1)}, (1, 2)),  # of all lamps, once
+        ({"LED0 x": (1.0, 0.5), "LED1 x": (1.5, 0.1)}, (1, 2)),  # of each by itself
+        ({"scale": (1.0, 0.5)}, (0, 0)),
+    ],
+)
+def test_what_lamps_have_alike_is_one_number(found: dict, told: tuple[int, int]) -> None:
+    label = _label("a", "single", "light_position")
+    label["effects"][0]["parameters"] = {"LED0 x": 1.2, "LED1 x": 1.2, "LED0 y": 2.0, "LED1 y": 2.0}
+    hits, count, errors = covered([label], {"a": Answer({}, parameters={"light_position": found})})
+    assert (hits, count) == told
+    assert len(errors) == count
+
+
+def test_lamps_that_differ_are_no_one_number() -> None:
+    label = _label("a", "single", "light_position")
+    label["effects"][0]["parameters"] = {"LED0 x": 1.2, "LED1 x": -1.2}
+    said = Answer({}, parameters={"light_position": {"x": (1.2, 0.1)}})
+    assert covered([label], {"a": said})[1] == 0
 
 
 def test_a_page_lists_every_miss(tmp_path: Path):
