@@ -105,8 +105,8 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
 
 def beside_structure(fitted: Fit, left: float, probable: float) -> Fit:
     """The causes beside what has structure and no name, ``left`` σ² of a value, which is ``probable`` to have a cause:
-    as beside what is left over."""
-    return _beside(fitted, left, probable) if probable >= PRESENT else fitted
+    as beside what is left over, and no more than structure is."""
+    return _beside(fitted, left, probable) if left > 0 else fitted
 
 
 def only_called(fitted: Fit) -> Fit:

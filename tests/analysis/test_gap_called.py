@@ -81,9 +81,9 @@ def test_a_larger_error_of_the_calibration_is_the_files_at_its_best() -> None:
 
 
 def test_beside_structure_a_cause_is_as_probable_as_it_outweighs_it() -> None:
-    """p E / (E + p_left E_left) of each, E of 3000 values; as it was where structure is rather none."""
+    """p E / (E + p_left E_left) of each, E of 3000 values; as it was where there is none."""
     fitted = _fit(0.9, 0.8)
-    assert beside_structure(fitted, 5.0, 0.4) is fitted
+    assert beside_structure(fitted, -1.0, 0.4) is fitted
     G, theta = fitted.evidence.e.G, fitted.after.theta
     left = 0.25 * theta[0] ** 2 * G[0, 0] / 3000  # σ² of a value
     doubted = beside_structure(fitted, left, 0.8)
