@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, yardstick
+from analysis.gap.sureness import TEMPERATURE, cooled
 from analysis.gap.terms import Term
 from analysis.gap.verdict import Simulations, verdict
 from analysis.gap.verify import verified
@@ -140,7 +142,6 @@ def diagnose(
     findings = effects_found(fitted, taken, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
-    findings.sort(key=lambda f: (-f.probability, -f.share))
     left_at = (
         shape_left(all_of_them, v.corrected) if max(fitted.left_over[1], v.structured) >= PRESENT else ""
     )
@@ -150,12 +151,13 @@ def diagnose(
         fitted_to = [c for c in whole if not c.held_out]
         rng = np.random.default_rng(0)
         rehearsal = rehearse(fitted_to, captures.tolerances, fitted, knots, rehearsals, rng, told)
-        of_noise = {n.name for n in noise}  # which is judged by other figures
-        findings = [
-            f if f.name in of_noise else replace(f, probability=rehearsal.calibrated(f.probability))
-            for f in findings
-        ]
-        unknown = tuple((words, rehearsal.calibrated(p)) for words, p in unknown)
+    sureness = partial(cooled, temperature=max(TEMPERATURE, rehearsal.temperature if rehearsal else 1.0))
+    of_noise = {n.name for n in noise}  # which is judged by other figures
+    findings = [
+        f if f.name in of_noise else replace(f, probability=sureness(f.probability)) for f in findings
+    ]
+    findings.sort(key=lambda f: (-f.probability, -f.share))
+    unknown = tuple((words, sureness(p)) for words, p in unknown)
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"

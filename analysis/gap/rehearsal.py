@@ -4,7 +4,8 @@ Of what was said of all of them one number is taken, the temperature T, by which
 
     p' = 1 / (1 + exp(-logit(p) / T)),     T >= 1,  ln T half normally distributed a priori, with ``SPREAD``
 
-Never surer than what was said: these cases have no errors of other kinds than the model's.
+These cases have no errors of other kinds than the model's: T is no less than what cases of another engine asked for
+(analysis.gap.sureness).
 
 Guo et al.: On calibration of modern neural networks. ICML 2017.
 """
@@ -14,8 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
+from analysis.gap.sureness import inside
+
 SPREAD = 0.5  # of ln T
-SUREST = 0.999  # that is ever told
 
 
 @dataclass(frozen=True)
@@ -40,19 +42,11 @@ class Rehearsal:
         log_T = np.linspace(0, 2, 201)
         score = -0.5 * (log_T / SPREAD) ** 2
         for p, there in told:
-            logit = np.log(_inside(p) / (1 - _inside(p))) / np.exp(log_T)
+            logit = np.log(inside(p) / (1 - inside(p))) / np.exp(log_T)
             score -= np.logaddexp(0, -logit if there else logit)
         return float(np.exp(log_T[int(np.argmax(score))]))
-
-    def calibrated(self, p: float) -> float:
-        p = _inside(p)
-        return float(min(1 / (1 + np.exp(-np.log(p / (1 - p)) / self.temperature)), SUREST))
 
     def counts(self, with_effect: bool) -> tuple[int, int]:
         """How many were answered exactly, of how many, of the cases with an effect or of those without."""
         of = [c for c in self.cases if bool(c.truth) == with_effect]
         return sum(c.exact for c in of), len(of)
-
-
-def _inside(p: float) -> float:
-    return float(np.clip(p, 1 - SUREST, SUREST))

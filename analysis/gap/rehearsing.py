@@ -18,8 +18,9 @@ from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.model import Model
 from analysis.gap.parallel import each
-from analysis.gap.rehearsal import SUREST, Rehearsal, Rehearsed
+from analysis.gap.rehearsal import Rehearsal, Rehearsed
 from analysis.gap.search import Search
+from analysis.gap.sureness import SUREST
 from analysis.gap.terms import Cause
 from interchange.captures import Tolerances
 

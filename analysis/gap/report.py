@@ -26,6 +26,7 @@ from analysis.gap.report_words import (
     why,
     why_not,
 )
+from analysis.gap.sureness import TEMPERATURE
 from interchange.captures import Captures
 from interchange.effects.parts import called
 from interchange.parameter import parameters
@@ -255,7 +256,11 @@ def _ranking(found: Diagnosed) -> str:
             or "nothing but tolerances"
         )
         rows.append(f"<tr><td>{html.escape(words)}</td><td class=n>{h.score - best.score:+.1f}</td></tr>")
-    return f"<table><tr><th>explanation</th><th class=n>log odds to the best</th></tr>{''.join(rows)}</table>"
+    return (
+        f"<table><tr><th>explanation</th><th class=n>log odds to the best</th></tr>{''.join(rows)}</table>"
+        f"<p>These are the evidence's. A probability is told with its log odds over {TEMPERATURE:g} or more, so "
+        f"that it agrees with how often such calls were right in cases of another engine whose causes were sealed.</p>"
+    )
 
 
 def _rehearsal(r: Rehearsal) -> str:
@@ -263,8 +268,8 @@ def _rehearsal(r: Rehearsal) -> str:
     told = (
         f"Probabilities above are told with their log odds over {r.temperature:.2g}, which makes them agree with "
         f"how often they were right there."
-        if r.temperature > 1
-        else "Probabilities above are as the evidence gave them: there they were not too sure."
+        if r.temperature > TEMPERATURE
+        else "There the evidence was no surer than probabilities above are told."
     )
     rows = "".join(
         f"<tr><td>{html.escape(plain(c.truth) or 'nothing')}</td><td class=n>{100 * c.severity:.2g} %</td>"

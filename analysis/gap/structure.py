@@ -30,8 +30,8 @@ from analysis.gap.parallel import each
 STEPS = (1, 2, 4, 8)  # px
 FEWEST = 2000  # pairs of values of all conditions: their mean product is known to 0.02 of σ² or better
 AT = STEPS.index(2)  # a pixel further than what a lens or an interpolation shares
-USUAL, USUALLY = 0.4, 0.5  # log of S over E where there is no effect: mean and standard deviation
 FORMS = 0.03  # of what effects with a name take off, that their formulas may leave
+USUAL, USUALLY = 0.4, 0.5  # log of S over E where there is no effect: mean and standard deviation
 CAUSED, LARGELY = 2.3, 1.2  # the same where something without a name is left
 
 

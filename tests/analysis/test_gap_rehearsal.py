@@ -14,6 +14,7 @@ from analysis.gap.normal_equations import total_of
 from analysis.gap.rehearsal import Rehearsal, Rehearsed
 from analysis.gap.rehearsing import _captured, _drawn, rehearse
 from analysis.gap.search import Search
+from analysis.gap.sureness import cooled
 from interchange.captures import Tolerances
 
 VIGNETTING = ("vignetting", "")
@@ -28,20 +29,20 @@ def said(p: float, right: int, wrong: int) -> Rehearsal:
 def test_many_cases_make_a_probability_the_share_that_was_right(p: float, share: float) -> None:
     """The prior is nothing beside 10,000 cases; T is told to a hundredth of its logarithm."""
     rehearsal = said(p, round(10000 * share), round(10000 * (1 - share)))
-    assert rehearsal.calibrated(p) == pytest.approx(share, abs=0.005)
-    assert rehearsal.calibrated(0.5) == pytest.approx(0.5)
+    assert cooled(p, rehearsal.temperature) == pytest.approx(share, abs=0.005)
+    assert cooled(0.5, rehearsal.temperature) == pytest.approx(0.5)
 
 
 def test_nothing_becomes_surer_than_it_was_said() -> None:
     for rehearsal in (said(0.7, 1000, 0), Rehearsal(())):
         assert rehearsal.temperature == 1
-        assert rehearsal.calibrated(0.7) == pytest.approx(0.7)
-    assert said(0.9, 1, 0).calibrated(1.0) == pytest.approx(0.999)
+        assert cooled(0.7, rehearsal.temperature) == pytest.approx(0.7)
+    assert cooled(1.0, said(0.9, 1, 0).temperature) == pytest.approx(0.999)
 
 
 def test_few_cases_change_little() -> None:
     """One wrong of two that were called with 0.9: half of the truth would be 0.5."""
-    assert 0.6 < said(0.9, 1, 1).calibrated(0.9) < 0.85
+    assert 0.6 < cooled(0.9, said(0.9, 1, 1).temperature) < 0.85
 
 
 def test_cases_with_and_without_an_effect_are_counted_apart() -> None:
