@@ -101,4 +101,4 @@ def test_more_of_it_has_a_cause_and_strong_effects_leave_some() -> None:
     assert chances[2] < 0.15  # the most that a null of set q had
     assert chances[3] > 0.5
     assert chances[5] > 0.99
-    assert _left(20.0).unexplained(5.3)[1] < 0.5  # 0.03 of 5.3 is 16 times 0.01
+    assert _left(20.0).unexplained(3.2)[1] < 0.5  # 0.05 of 3.2 is 16 times 0.01
