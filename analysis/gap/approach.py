@@ -126,7 +126,7 @@ def _descended(search: "Search", levels: Sequence[_Level], cause: Cause, index: 
 
 def _sliding(search: "Search", index: np.ndarray, n: int) -> np.ndarray:
     """What is followed at a level: an object that sinks out of sight leaves no way back."""
-    held = ("z",) if n < TURNING else ("z", "rz")
+    held = ("z",) if n < TURNING else ("z", "rx", "ry", "rz")
     return np.array(
         [i for i in index if search.terms[i].cause != "object_pose" or search.terms[i].parameter not in held]
     )

@@ -1,4 +1,4 @@
-"""An object lies elsewhere than the scene says: moved, and turned about the vertical through its middle.
+"""An object lies elsewhere than the scene says: moved, and turned about axes through its middle, the vertical one last.
 
 Several objects named together are one that moves as a whole: a workpiece of many parts.
 """
@@ -6,6 +6,7 @@ Several objects named together are one that moves as a whole: a workpiece of man
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from interchange.effects.base import Effect, Stage
 from interchange.effects.parts import bounds, with_bodies
@@ -29,12 +30,14 @@ class ObjectPose(Effect):
         0.0, "r_z", "mrad", -3200, 3200, "turned about the vertical, counter-clockwise from above"
     )
 
+    rx: float = parameter(0.0, "r_x", "mrad", -3200, 3200, "tilted about the world's x axis, first of all")
+    ry: float = parameter(0.0, "r_y", "mrad", -3200, 3200, "tilted about the world's y axis")
+
     def on_scene(self, scene: Scene, target: str = "") -> Scene:
         if not self.is_there:
             return scene
         turned = np.eye(4)
-        c, s = np.cos(1e-3 * self.rz), np.sin(1e-3 * self.rz)
-        turned[:2, :2] = [[c, -s], [s, c]]
+        turned[:3, :3] = Rotation.from_euler("xyz", [1e-3 * self.rx, 1e-3 * self.ry, 1e-3 * self.rz]).as_matrix()
 
         def change(body: Body) -> Body:
             middle = bounds(scene, target or body.name).mean(axis=0)
