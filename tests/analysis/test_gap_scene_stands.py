@@ -172,6 +172,22 @@ def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterize
     assert done.after.scene
 
 
+@pytest.mark.parametrize("way", ["rx", "ry"])
+def test_a_tilt_is_told_where_an_object_stands(found, knots, rasterizer, way) -> None:
+    """Against two renderings around it, as above. A blind case of another engine was taken for two cameras and all
+    lamps until objects could tilt."""
+    term = {t.key: t for t in knot_terms(found, Tolerances(), knots)}["object_pose", BRACKET, way]
+    raised = ObjectPose(z=2.0)  # mm: no edge of it goes into the table
+    for there in (raised, replace(raised, **{way: 30.0})):
+        further = replace(there, **{way: getattr(there, way) + 10.0})
+        real = State(found[0]).per_radiance * np.subtract(*(
+            rasterizer.render(e.on_scene(found[0].scene, BRACKET), found[0].camera, samples=4 * MANY).pixels
+            for e in (further, there)
+        )) / 10.0  # fmt: skip
+        column = np.asarray(term.field(State(found[0], scene=((there, BRACKET),), knots=knots)))
+        assert np.sqrt(np.mean((column - real) ** 2) / np.mean(real**2)) < 0.5
+
+
 def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) -> None:
     """12 px, more than the width of its sides, and turned by 6 degrees: within half a pixel, where what is linear
     holds; nothing else comes as near."""

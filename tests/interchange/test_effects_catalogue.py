@@ -161,6 +161,18 @@ def test_an_object_turns_about_its_middle_and_grows_from_its_underside(scene):
     assert grown.bodies[0] is scene.bodies[0]
 
 
+def test_an_object_tilts_about_its_middle_the_vertical_last(scene):
+    """A quarter turn about x brings what points up to -y, and one about z after that to x."""
+    part = scene.bodies[1].world_from_body
+    for turns, up in (({"rx": 1}, [0, -1, 0]), ({"ry": 1}, [1, 0, 0]), ({"rx": 1, "rz": 1}, [1, 0, 0])):
+        effect = ObjectPose(**{name: 1e3 * np.pi / 2 for name in turns})
+        tilted = effect.on_scene(scene, "part")
+        way = tilted.bodies[1].world_from_body @ np.linalg.inv(part)
+        assert way[:3, :3] @ [0, 0, 1] == pytest.approx(up, abs=1e-12)
+        middle = replace(scene, bodies=scene.bodies[1:]).bounds.mean(axis=0)
+        assert replace(tilted, bodies=tilted.bodies[1:]).bounds.mean(axis=0) == pytest.approx(middle)
+
+
 def test_lamps_change_as_their_effects_say(scene):
     moved = LightPosition(x=1, z=-2).on_scene(scene)
     assert moved.lights[0].world_from_light[:3, 3] == pytest.approx([1e-3, 0, 1 - 2e-3])

@@ -15,7 +15,7 @@ BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
 LAMP, OBJECT = "/World/LED4", "/World/ball"
 CASES = [
     ("camera_pose", "/World/Camera1", {"tx": 1.5, "tz": -2.0, "rx": 3.0, "rz": -4.0}),
-    ("object_pose", OBJECT, {"x": 0.7, "y": -1.1, "z": 0.2, "rz": 8.0}),
+    ("object_pose", OBJECT, {"x": 0.7, "y": -1.1, "z": 0.2, "rx": -5.0, "ry": 3.0, "rz": 8.0}),
     ("light_position", LAMP, {"x": 3.0, "y": -2.0, "z": 5.0}),
     ("light_intensity", LAMP, {"scale": 1.07}),
     ("light_size", LAMP, {"spread": 3.0}),
