@@ -37,7 +37,9 @@ class ObjectPose(Effect):
         if not self.is_there:
             return scene
         turned = np.eye(4)
-        turned[:3, :3] = Rotation.from_euler("xyz", [1e-3 * self.rx, 1e-3 * self.ry, 1e-3 * self.rz]).as_matrix()
+        turned[:3, :3] = Rotation.from_euler(
+            "xyz", [1e-3 * self.rx, 1e-3 * self.ry, 1e-3 * self.rz]
+        ).as_matrix()
 
         def change(body: Body) -> Body:
             middle = bounds(scene, target or body.name).mean(axis=0)
