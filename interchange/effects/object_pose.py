@@ -19,7 +19,9 @@ class ObjectPose(Effect):
     stage = Stage.SCENE
     order = 20
     source = "Hartley, Zisserman: Multiple View Geometry, 2nd ed., 2004, section 2.4."
-    identified_by = "One object's outline and its shadow shift; what surrounds it stays."
+    identified_by = (
+        "One object's outline and shadow shift, its shading changes as it tilts; what surrounds it stays."
+    )
     confused_with = ("camera_pose", "geometry")
     separated_by = "the same object seen from a second camera"
 
