@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from analysis.gap.evidence import Evidence
-from analysis.gap.geometry_terms import ALL, _principal_points
+from analysis.gap.geometry_terms import _principal_points
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, Knots
 from analysis.gap.light_terms import light_terms, shaded
-from analysis.gap.mounts import lamps_of, on_one_mount
+from analysis.gap.mounts import ALL, lamps_of, on_one_mount
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.search import Search
 from analysis.gap.state import State
