@@ -241,7 +241,7 @@ def believed(
     Δ: what a cause changes, Δ_o: what others of the named ones do together (of all choices of them the worst), in the
     metric of W; E = |Δ|². A weak effect may lean against a strong one: it undoes little of that. On cases whose cause
     was known, an effect that was called beside a stronger unknown was right one time in eight, and effects that undid
-    each other never (docs/diagnosis.md).
+    each other never (docs/diagnosis_method.md).
     """
     if not causes:
         return probability

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.gap import lens_flow
 from analysis.gap.camera_terms import of_all, of_one, several
 from analysis.gap.conditions import Condition
+from analysis.gap.mounts import ALL
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Flow, Term, moving
 from interchange.camera import Projection
@@ -27,7 +28,6 @@ ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
 # thickness over length of what is printed on something: it lies there, and has no size of its own
 FLAT = 0.02
 CONVENTION = 0.5  # of a principal point's tolerance: what all cameras' are off by alike
-ALL = ""  # the target of all cameras
 DECENTRED = 0.3  # of a lens's distortion: its elements stand nearly on one axis
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
@@ -55,7 +55,7 @@ def _principal_points(conditions: Sequence[Condition], px: float) -> list[Term]:
     """Of each camera, and of all alike: where a pixel's middle lies is a convention."""
     terms = []
     cameras = dict.fromkeys(c.camera.name for c in conditions)
-    for name in [ALL] * several(conditions) + [*cameras]:
+    for name in [ALL, *cameras] if len(cameras) > 1 else cameras:
         for axis, parameter in enumerate(("cx", "cy")):
 
             def flow(s: State, name: str = name, axis: int = axis) -> tuple[np.ndarray, np.ndarray] | None:

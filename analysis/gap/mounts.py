@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from interchange.effects.parts import members
 
 MOUNT = 0.5  # of a lamp's tolerance: what its mount is off by; no file says, and the smaller, the rarer a bank is found
-ALL = ""  # the target of all lamps
+ALL = ""  # the target of all lamps, or of all cameras
 
 
 def on_one_mount(lamps: Sequence[str]) -> list[str]:

@@ -19,7 +19,7 @@ from interchange.effects.parts import has, members
 from interchange.parameter import parameters
 from interchange.problems import BrightfieldError
 
-APART = 4.0
+APART = 4.0  # steps, to which what else is in force about the target is rounded
 LARGEST_SHARE = 0.25  # of a size or a gloss: no step is longer on a coarse grid either
 
 Sizes = dict[

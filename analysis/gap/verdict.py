@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -55,24 +56,27 @@ def verdict(
     """``corrected``: as ``fitted`` says so far. Causes that are not called leave, and what is left is looked at again,
     until all that are left are called. Raises BrightfieldError where nothing can be compared."""
     held = [c for c in conditions if c.held_out]
+    told = partial(_told, conditions, judged, scale)
     sure = borne_out(fitted, held, judged, scale)
     if sure.after is not fitted.after:
         corrected = each(sure.after.simulated, conditions)
     while True:
-        found = _told(sure, conditions, corrected, judged, scale)
+        found = told(sure, corrected)
         left = found.left.unnamed(_removed(found)) if found.left else 0.0
         doubted = beside_structure(sure, left, found.structured)
-        if called(doubted) == called(sure):
+        gone = [c for c in called(sure) if c not in called(doubted)]
+        if not gone:
             break
-        sure = only_called(doubted)
+        # those that stay are as probable as they were, until they are held against what is left then
+        less = {c: doubted.probability[c] for c in gone}
+        sure = only_called(replace(sure, probability={**sure.probability, **less}))
         corrected = each(sure.after.simulated, conditions)
-    found = replace(found, fitted=doubted)
     if called(doubted):
-        return found
+        return replace(found, fitted=doubted)
     written = as_written_if_better(doubted, held, found.by)
     if written is doubted:
-        return found
-    return _told(written, conditions, each(written.after.simulated, conditions), judged, scale)
+        return replace(found, fitted=doubted)
+    return told(written, each(written.after.simulated, conditions))
 
 
 def _removed(v: Verdict) -> float:
@@ -81,11 +85,11 @@ def _removed(v: Verdict) -> float:
 
 
 def _told(
-    fitted: Fit,
     conditions: Sequence[Condition],
-    corrected: Sequence[np.ndarray],
     judged: Sequence[NoiseFinding],
     scale: float,
+    fitted: Fit,
+    corrected: Sequence[np.ndarray],
 ) -> Verdict:
     held = [c for c in conditions if c.held_out]
     after = [dn for c, dn in zip(conditions, corrected, strict=True) if c.held_out]
