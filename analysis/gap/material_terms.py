@@ -5,26 +5,30 @@
                                          change grows more with σ than with σ²
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.generic_terms import SPARE, UNEVEN, bilinear
+from analysis.gap.laid import Part, laid, parts
 from analysis.gap.left import EDGED
 from analysis.gap.state import State
+from analysis.gap.surface_pattern import pattern_fields
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.brdf.base import Brdf
 from interchange.captures import Tolerances
-from interchange.effects.texture import WAVES, box_uv
+from interchange.effects.texture import WAVES
 from interchange.effects.translucency import Translucency, spread
-from interchange.frames import apply
 
 LEAST_PIXELS = 400  # that a material must cover, of an image of 480 x 360
 LARGE_PIXELS = 8000  # the same, to have a pattern in places
 IN_PLACES = ", in places"  # what is said after the name of a material whose pattern has no formula
-GRID = (20, 16)  # places of a body, along the two longest sides of its box
+SEEN_TWICE = ", as other views show it"  # the same where it is what they have in common
+DETAIL = ("finest", "fine", "coarse", "coarsest")
+GRID = (20, 16)  # places of what is seen of a body, along the two longest sides of its box
+SHARED = 0.0001  # rms over the signal of each size that views have in common anyway
 SPOTS = tuple(
     f"{100 * (i + 0.5) / GRID[0]:.0f} % along, {100 * (j + 0.5) / GRID[1]:.0f} % across"
     for j in range(GRID[1])
@@ -54,8 +58,16 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
         step = _blur_mm(conditions, name)
         if covered[name] >= LARGE_PIXELS:
             terms += in_cells(
-                "texture", f"{name}{IN_PLACES}", SPARE, Family(_spots(name), SPOTS), generic=False
+                "texture",
+                f"{name}{IN_PLACES}",
+                SPARE,
+                Family(_spots(name, parts(conditions, name)), SPOTS),
+                generic=False,
             )
+        terms += [
+            Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True)
+            for word, field in zip(DETAIL, pattern_fields(conditions, name), strict=False)
+        ]
         terms.append(
             Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),
                  relative=True, low=0.0)
@@ -84,7 +96,7 @@ def _wave(name: str, i: int, j: int) -> Field:
         if name not in scene.material_names or not s.lamps:
             return None
         out = np.zeros_like(s.signal)
-        for own, u, v in _laid(s, name):
+        for _, own, u, v in laid(s, name):
             wave = np.cos(np.float32(np.pi * i) * u) * np.cos(np.float32(np.pi * j) * v)
             out[own] = s.signal[own] * wave[:, None]
         return out
@@ -92,8 +104,8 @@ def _wave(name: str, i: int, j: int) -> Field:
     return field
 
 
-def _spots(name: str) -> Cells:
-    """A pattern of no formula: bilinear between places of each body's own box."""
+def _spots(name: str, seen: dict[str, Part]) -> Cells:
+    """A pattern of no formula: bilinear between places of the part of each body that is seen."""
 
     def cells(s: State) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         scene = s.shown.scene
@@ -101,35 +113,13 @@ def _spots(name: str) -> Cells:
             return None
         ids = np.full((*s.grid[0].shape, 4), -1)
         share = np.zeros(ids.shape, np.float32)
-        for own, u, v in _laid(s, name):
-            ids[own], share[own] = bilinear(u * GRID[0] - 0.5, v * GRID[1] - 0.5, *GRID)
+        for body, own, u, v in laid(s, name):
+            if body in seen:
+                x, y = seen[body].share(u, v)
+                ids[own], share[own] = bilinear(x * GRID[0] - 0.5, y * GRID[1] - 0.5, *GRID)
         return ids, share, s.signal
 
     return cells
-
-
-Laid = tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]  # indices, u and v
-
-
-def _laid(s: State, name: str) -> list[Laid]:
-    """Of each body of a material: where it is in the image (h, w), and its box coordinates (n,) there."""
-    key = ("laid", name)
-    if key not in s.kept:
-        s.kept[key] = list(_found(s, name))
-    laid: list[Laid] = s.kept[key]
-    return laid
-
-
-def _found(s: State, name: str) -> Iterator[Laid]:
-    scene = s.shown.scene
-    mask = s.take(s.shown.passes["material_id"]) == scene.material_names.index(name)
-    objects = s.take(s.shown.passes["object_id"])
-    for body in scene.bodies:
-        if body.material.name == name:
-            own = np.nonzero(mask & (objects == scene.object_names.index(body.name)))
-            at = apply(np.linalg.inv(body.world_from_body), s.position[own])
-            u, v = np.moveaxis(box_uv(body.mesh, at).astype(np.float32), -1, 0)
-            yield own, u, v
 
 
 def _blur_mm(conditions: Sequence[Condition], name: str) -> float:

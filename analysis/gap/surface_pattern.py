@@ -1,0 +1,146 @@
+"""A material's pattern as other views show it: what is left at the same place of a surface when another camera sees it,
+or the same camera where the body lies elsewhere.
+
+    m(p) = Σ w s r / Σ w s²      r: captures less simulation, s: signal, w: 1 / variance, over the pixels of all other
+                                 views that show p, away from edges, shadows and highlights
+    m_a - m_b                    by Gaussians a and b texels wide: detail between them
+
+Times the signal of a view, detail has none of that view's noise, and nothing that stays with an image or a camera. Of
+four sizes, each is weighed by how far views agree on it. Where no other view looks, and views agree where they do, it
+is what the same view's other conditions show. What is coarser waves or places tell (material_terms).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from analysis.gap.conditions import Condition
+from analysis.gap.fixed_pattern import flat
+from analysis.gap.laid import Part, laid, parts
+from analysis.gap.regions import light_regions
+from analysis.gap.state import State
+from analysis.gap.terms import Field
+
+SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # texels: detail is between each and the next
+FEWEST = 400  # texels that views share
+AGREED = 0.5  # correlation of views from which on one of them is believed by itself
+KNOWN = 0.1  # of the median weight of texels: less is no pixel's
+
+View = tuple[str, bytes, bytes]  # a camera, where it stands and where the body does
+Sums = np.ndarray  # (2, h, w): Σ w s r and Σ w s² of each texel
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Of the ``part`` of a body that is seen: ``detail`` {view: {condition: (k, h, w)}} of k sizes for each condition
+    that was looked at, and for any other of the view under ""."""
+
+    part: Part
+    detail: dict[View, dict[str, np.ndarray]]
+
+    def at(self, view: View, condition: str, u: np.ndarray, v: np.ndarray, size: int) -> np.ndarray | None:
+        """(n,): of one size at box coordinates; None where other views do not show enough of it."""
+        found = self.detail.get(view)
+        if found is None:
+            return None
+        x, y = self.part.texel(u, v)
+        plane = found.get(condition, found[""])[size]
+        return np.asarray(map_coordinates(plane, [y, x], order=1, mode="nearest"))
+
+
+def pattern_fields(conditions: Sequence[Condition], name: str) -> list[Field]:
+    """Of the material ``name``, one a size, each of rms 1 where it is known; none where no views share enough of
+    it."""
+    patterns = _patterns(conditions, name)
+    fields = []
+    for size in range(len(SIZES) - 1):
+        planes = [found[""][size] for p in patterns.values() for found in p.detail.values()]
+        known = [plane[plane != 0] for plane in planes]
+        rms = float(np.sqrt(np.mean(np.concatenate(known) ** 2))) if known else 0.0
+        if rms > 0:
+            fields.append(_field(patterns, name, size, rms))
+    return fields
+
+
+def _field(patterns: dict[str, Pattern], name: str, size: int, rms: float) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        if name not in s.shown.scene.material_names or not s.lamps:
+            return None
+        out, known = np.zeros_like(s.signal), False
+        for body, own, u, v in laid(s, name):
+            if body in patterns and len(u):
+                share = patterns[body].at(_view(s.condition, body), s.condition.name, u, v, size)
+                if share is not None:
+                    out[own], known = s.signal[own] * (share / np.float32(rms))[:, None], True
+        return out if known else None
+
+    return field
+
+
+def _view(condition: Condition, body: str) -> View:
+    where = next(b.world_from_body for b in condition.shown.scene.bodies if b.name == body)
+    camera = condition.camera
+    return camera.name, camera.world_from_camera.tobytes(), where.tobytes()
+
+
+def _patterns(conditions: Sequence[Condition], name: str) -> dict[str, Pattern]:
+    lit = [c for c in conditions if c.lamps and name in c.shown.scene.material_names]
+    seen = parts(lit, name)
+    sums: dict[str, dict[View, dict[str, Sums]]] = {body: {} for body in seen}
+    for c in lit:
+        dn = c.simulated().dn
+        s, w = flat(c, dn)
+        w = np.where(light_regions(c)["lit"][..., None], w, 0)
+        planes = (w * s * (c.mean - dn)).sum(axis=-1), (w * s * s).sum(axis=-1)
+        for body, own, u, v in laid(State(c), name):
+            if len(u):
+                (h, width), (x, y) = seen[body].shape, seen[body].texel(u, v)
+                place = np.clip(np.rint(y), 0, h - 1) * width + np.clip(np.rint(x), 0, width - 1)
+                counted = [np.bincount(place.astype(int), plane[own], h * width) for plane in planes]
+                sums[body].setdefault(_view(c, body), {})[c.name] = np.stack(counted).reshape(2, h, width)
+    details = {body: _detail(by_view) for body, by_view in sums.items() if len(by_view) > 1}
+    return {body: Pattern(seen[body], detail) for body, detail in details.items() if detail}
+
+
+def _detail(by_view: dict[View, dict[str, Sums]]) -> dict[View, dict[str, np.ndarray]]:
+    """Of each view that shares enough with the others."""
+    whole = {view: np.sum(list(own.values()), axis=0) for view, own in by_view.items()}
+    out = {}
+    for view, own in by_view.items():
+        there, known = _between(np.sum([x for other, x in whole.items() if other != view], axis=0))
+        here, looked = _between(whole[view])
+        both = known & looked
+        if both.sum() < FEWEST:
+            continue
+        agreed = _correlation(there[:, both], here[:, both]) > AGREED
+        out[view] = {"": _filled(there, known, here, looked, agreed)}
+        for name, one in own.items() if agreed.any() else ():
+            out[view][name] = _filled(there, known, *_between(whole[view] - one), agreed)
+    return out
+
+
+def _between(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
+    """(k, h, w): what lies between a size and the next, and where (h, w) there is anything."""
+    up, down = sums
+    blurred = [[cv2.GaussianBlur(x, (0, 0), sigma) for x in (up, down)] for sigma in SIZES]
+    weight = blurred[0][1]
+    known = weight > KNOWN * float(np.median(weight[down > 0])) if (down > 0).any() else down > 0
+    smooth = [np.divide(a, b, out=np.zeros_like(a), where=known) for a, b in blurred]
+    return np.stack([a - b for a, b in pairwise(smooth)]).astype(np.float32), known
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(k,): of each row (k, n)."""
+    product, squares = (a * b).sum(axis=1), (a * a).sum(axis=1) * (b * b).sum(axis=1)
+    return np.asarray(product / np.sqrt(np.maximum(squares, 1e-30)))
+
+
+def _filled(
+    there: np.ndarray, known: np.ndarray, here: np.ndarray, looked: np.ndarray, agreed: np.ndarray
+) -> np.ndarray:
+    """What other views show, and where they do not what this one does, of the sizes on which they ``agreed``."""
+    return np.where(known, there, np.where(looked & agreed[:, None, None], here, 0)).astype(np.float32)
