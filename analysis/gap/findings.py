@@ -47,14 +47,14 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
             width = float(sigma[i])
             if term.power == 2:
                 width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
-            if term.parameter == PRODUCT or term.family is not None:
+            if term.parameter == PRODUCT or not term.is_a_parameter:
                 continue
             if term.parameter == "v" and by.get((*term.candidate, PRODUCT), 0.0) < 0:
                 value = -value
             target = called(term.target)
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
-        if in_places := [i for i in index if fitted.terms[i].family is not None]:
-            estimates["rms in places"] = _rms(fitted, in_places)
+        if pattern := [i for i in index if not fitted.terms[i].is_a_parameter]:
+            estimates["rms of the pattern"] = _rms(fitted, pattern)
         rivals = _rivals(fitted, own)
         separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None
         out.append(

@@ -65,7 +65,7 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
                 generic=False,
             )
         terms += [
-            Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True)
+            Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True, pattern=True)
             for word, field in zip(DETAIL, pattern_fields(conditions, name), strict=False)
         ]
         terms.append(

@@ -71,6 +71,11 @@ class Term:
     form: bool = False  # of an effect that has other causes too: no hypothesis has one of those beside it
     against: tuple[str, ...] = ()  # causes that no hypothesis has beside its own: they undo it
     camera: str = ""  # which alone shows it; all, where it is empty
+    pattern: bool = False  # part of one that has no formula, so that its number is no parameter of its effect
+
+    @property
+    def is_a_parameter(self) -> bool:
+        return self.family is None and not self.pattern
 
     @property
     def key(self) -> tuple[str, str, str]:

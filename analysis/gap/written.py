@@ -37,9 +37,7 @@ def written(
     ]
     left = write_corrected(document, captures, changes, path)
     left |= {
-        f.name: "Its pattern in places is in no scene file."
-        for f in findings
-        if "rms in places" in f.parameters
+        f.name: "Its pattern is in no scene file." for f in findings if "rms of the pattern" in f.parameters
     }
     if mapped:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
@@ -54,7 +52,7 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
     told_at: dict[Cause, float] = {}
     for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
-        if term.cause in names and term.candidate in fitted.best.causes and term.family is None:
+        if term.cause in names and term.candidate in fitted.best.causes and term.is_a_parameter:
             pair = (term.value(float(theta)), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
             told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)

@@ -270,7 +270,7 @@ def test_terms_are_parameters_of_their_effects_files(found: list[Condition], kno
         *material_terms(found, told),
         *knot_terms(found, told, knots),
     ]
-    for term in (t for t in terms if t.family is None and not t.generic and t.cause != NUISANCE):
+    for term in (t for t in terms if t.is_a_parameter and not t.generic and t.cause != NUISANCE):
         about = parameters(MODELS[term.cause])[term.parameter]
         assert term.unit == about.unit or term.cause == "rolling_shutter"
         assert term.start == getattr(MODELS[term.cause](), term.parameter)

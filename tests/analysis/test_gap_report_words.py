@@ -39,7 +39,7 @@ def test_a_rival_is_told_by_how_much_less_probable_it_is(instead: float, said: s
         ("veiling_glare", "g", 0.9, "0.70 to 1.00"),
         ("vignetting", "a2", 0.0, "-0.20 to 0.20"),
         ("light_position", "lamp dx", 0.0, "-0.20 to 0.20"),
-        ("fixed_pattern", "rms in places", 0.5, "0.30 to 0.70"),
+        ("fixed_pattern", "rms of the pattern", 0.5, "0.30 to 0.70"),
     ],
 )
 def test_an_interval_ends_where_a_parameter_does(effect: str, name: str, value: float, said: str) -> None:
