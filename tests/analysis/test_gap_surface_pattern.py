@@ -115,6 +115,8 @@ def test_sizes_have_the_rms_of_one(plain: list[Condition]) -> None:
 def test_what_is_seen_of_a_body(plain: list[Condition]) -> None:
     """As many texels as pixels where it is seen largest, more or less: its corner is cut by the image."""
     part = parts(plain, BASE)["/World/base"]
-    assert (part.low >= 0).all() and (part.high <= 1).all() and (part.high > part.low).all()
+    assert (part.low >= 0).all()
+    assert (part.high <= 1).all()
+    assert (part.high > part.low).all()
     pixels = max(len(u) for c in plain for _, _, u, _ in laid(State(c), BASE))
     assert 0.5 < np.prod(part.shape) / pixels < 3
