@@ -5,8 +5,8 @@ into a copy of the scene file, and all else stays as it was: calibration's error
 written, since they are no findings.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from interchange.effects.anisotropy import Anisotropy
 from interchange.effects.defocus import Defocus
 from interchange.effects.field_blur import FieldBlur
 from interchange.effects.response_curve import ResponseCurve
+from interchange.effects.texture import painted
 from interchange.formats.document import Document
 from interchange.formats.usd_changes import Frame, author_changes
 from interchange.parameter import parameters
@@ -38,13 +39,14 @@ STAND = " at ("  # a camera where it stands is called "/World/Camera at (x, y, z
 class Change:
     """An effect on ``target`` (a prim path, or "" for all): its parameters, and what they are without it, or None where
     the values stand for whatever the cameras have. ``t_exp`` s: the exposure that values which grow with it are told
-    at; 0 where none does."""
+    at; 0 where none does. ``patterns`` {body: (h, w)}: of a texture without a formula (interchange.effects.texture)."""
 
     effect: str
     target: str
     values: dict[str, float]
     without: dict[str, float] | None
     t_exp: float = 0.0
+    patterns: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def write_corrected(
@@ -66,7 +68,7 @@ def write_corrected(
                 left.setdefault(change.effect, "No number of a scene file says it.")
         frames.append(Frame(time, old, new))
     stage = document.stage
-    for problem in author_changes(stage, frames):
+    for problem in author_changes(stage, frames, path.with_suffix("")):
         for change in changes:
             if change.target in problem.where.prim:
                 left.setdefault(change.effect, problem.message)
@@ -84,6 +86,8 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
     model = MODELS.get(change.effect)
     if model is None:
         return scene
+    if change.patterns:
+        return painted(scene, change.target, change.patterns)
     if not model.is_of_the_chain():
         target, _, _ = change.target.partition(STAND)
         if _stands_elsewhere(change, own):

@@ -161,7 +161,7 @@ def diagnose(
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
-    left = written(document, captures, fitted, findings, noise, v.maps is not None, scene_file)
+    left = written(document, captures, all_of_them, fitted, findings, noise, v.maps is not None, scene_file)
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))

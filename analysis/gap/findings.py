@@ -81,7 +81,8 @@ def _targets(fitted: Fit, own: Sequence[Cause]) -> tuple[str, ...]:
     if any(t.kind == "chain" or t.camera for t in terms):
         return ()  # of cameras, which are told by themselves
     several = any(t.target for t in terms)
-    named = [called(target) if target else EVERY.get(name, "") if several else "" for name, target in own]
+    of = [(name, target.partition(", ")[0]) for name, target in own]  # "paint, in places" is paint
+    named = [called(target) if target else EVERY.get(name, "") if several else "" for name, target in of]
     return tuple(dict.fromkeys(named)) if all(named) else ()
 
 

@@ -5,10 +5,12 @@ from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
 from analysis.gap.chain_terms import signed
+from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import Finding
 from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.painted import patterns
 from interchange.captures import Captures
 from interchange.formats.document import Document
 
@@ -23,6 +25,7 @@ WRITTEN = (
 def written(
     document: Document,
     captures: Captures,
+    conditions: Sequence[Condition],
     fitted: Fit,
     findings: Sequence[Finding],
     noise: Sequence[NoiseFinding],
@@ -32,13 +35,10 @@ def written(
     """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
     pixels are off by how much is known."""
     changes = [
-        *_changes(fitted, {f.name for f in findings}),
+        *_changes(conditions, fitted, {f.name for f in findings}),
         *(_noise_change(n) for n in noise if n.name in WRITTEN),
     ]
     left = write_corrected(document, captures, changes, path)
-    left |= {
-        f.name: "Its pattern is in no scene file." for f in findings if "rms of the pattern" in f.parameters
-    }
     if mapped:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}
@@ -47,12 +47,13 @@ def written(
     }
 
 
-def _changes(fitted: Fit, names: set[str]) -> list[Change]:
-    """What the findings change in the scene: a value a parameter, by effect and by what it is about."""
+def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> list[Change]:
+    """What the findings change in the scene: a value a parameter, by effect and by what it is about; textures are
+    laid out."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
     told_at: dict[Cause, float] = {}
     for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
-        if term.cause in names and term.candidate in fitted.best.causes and term.is_a_parameter:
+        if term.cause in names - {"texture"} and term.candidate in fitted.best.causes and term.is_a_parameter:
             pair = (term.value(float(theta)), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
             told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
@@ -60,6 +61,9 @@ def _changes(fitted: Fit, names: set[str]) -> list[Change]:
     for (name, target), values in found.items():
         new, old = (signed({n: pair[k] for n, pair in values.items()}) for k in (0, 1))
         changes.append(Change(name, target, new, old, told_at[name, target]))
+    if "texture" in names:
+        laid_out = patterns(conditions, fitted)
+        changes += [Change("texture", m, {}, None, patterns=found) for m, found in laid_out.items() if found]
     return changes
 
 

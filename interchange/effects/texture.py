@@ -3,6 +3,7 @@
 ρ' = ρ (1 + Σ c_ij cos(π i u) cos(π j v)),    u, v from 0 to 1 along the two longest sides of the object's box
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,15 +56,47 @@ class Texture(Effect):
         return replace(painted, bodies=tuple(b if b is old else _laid(b, meshes) for b, old in pairs))
 
     def _painted(self, material: Material) -> Material:
-        if not material.brdf.matte or material.maps or material.normal_map is not None:
-            raise BrightfieldError(
-                f"A texture needs a material with a body colour and without textures of its own; got {material.name}."
-            )
         at = (np.arange(SIDE) + 0.5) / SIDE
-        factor = self.factor(at[None, :], at[::-1, None])
-        rho = np.asarray(getattr(material.brdf, material.brdf.matte))
-        pixels = np.clip(factor[..., None] * rho, 0, 1).astype(np.float32)
-        return replace(material, maps={material.brdf.matte: Map(pixels, (Wrap.CLAMP, Wrap.CLAMP))})
+        return _with_map(material, self.factor(at[None, :], at[::-1, None]))
+
+
+def painted(scene: Scene, target: str, patterns: Mapping[str, np.ndarray]) -> Scene:
+    """The material ``target`` with a pattern of no formula: ``patterns`` {body: (h, w)} is albedo over the scene's,
+    from 0 to 1 along the two longest sides of the body's box, row 0 where v is 0. What bodies share one material have
+    their patterns one above the other in one texture; those without one stay as the scene says.
+
+    Raises BrightfieldError where the material cannot have a texture.
+    """
+    bodies = [b.name for b in scene.bodies if b.material.name == target]
+    planes = [np.pad(patterns.get(name, np.ones((1, 1))), 1, mode="edge") for name in dict.fromkeys(bodies)]
+    h, w = sum(len(x) for x in planes), max(x.shape[1] for x in planes)
+    atlas, first, where = np.ones((h, w)), 0, {}
+    for name, plane in zip(dict.fromkeys(bodies), planes, strict=True):
+        rows, columns = plane.shape
+        atlas[first : first + rows, :columns] = plane
+        size = np.array([columns - 2, rows - 2])
+        where[name] = (np.array([1, first + 1]) / (w, h), size / (w, h))
+        first += rows
+    changed = with_materials(scene, target, lambda material: _with_map(material, atlas[::-1]))
+    laid = []
+    for body in changed.bodies:
+        if body.material.name == target:
+            low, size = where[body.name]
+            uv = low + size * box_uv(body.mesh, body.mesh.vertices)
+            body = replace(body, mesh=replace(body.mesh, uv=uv))
+        laid.append(body)
+    return replace(changed, bodies=tuple(laid))
+
+
+def _with_map(material: Material, factor: np.ndarray) -> Material:
+    """``factor`` (h, w) times its body colour, row 0 on top."""
+    if not material.brdf.matte or material.maps or material.normal_map is not None:
+        raise BrightfieldError(
+            f"A texture needs a material with a body colour and without textures of its own; got {material.name}."
+        )
+    rho = np.asarray(getattr(material.brdf, material.brdf.matte))
+    pixels = np.clip(factor[..., None] * rho, 0, 1).astype(np.float32)
+    return replace(material, maps={material.brdf.matte: Map(pixels, (Wrap.CLAMP, Wrap.CLAMP))})
 
 
 def sides(mesh: Mesh) -> tuple[int, int]:

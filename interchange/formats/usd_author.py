@@ -128,7 +128,7 @@ def author_material(stage: Usd.Stage, path: str, material: Material) -> UsdShade
         ("opacity", material.opacity_map),
     ):
         if texture is not None:
-            _author_texture(preview, name, texture)
+            author_texture(preview, name, texture)
     usd.CreateSurfaceOutput().ConnectToSource(preview.CreateOutput("surface", Sdf.ValueTypeNames.Token))
     if material.glsl or not own:
         shader = UsdShade.Shader.Define(stage, f"{path}/Brdf")
@@ -159,7 +159,7 @@ def author_brdf(stage: Usd.Stage, shader: UsdShade.Shader, brdf: Brdf, maps: Map
         return
     for k, (weight, part) in enumerate(zip(brdf.weight, brdf.parts, strict=True)):
         if f"weight{k}" in maps:
-            _author_texture(shader, f"weight{k}", maps[f"weight{k}"])
+            author_texture(shader, f"weight{k}", maps[f"weight{k}"])
         else:
             shader.CreateInput(f"weight{k}", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*weight))
         inner = UsdShade.Shader.Define(stage, shader.GetPath().AppendChild(f"Part{k}"))
@@ -175,7 +175,7 @@ def _author_inputs(shader: UsdShade.Shader, brdf: Brdf, maps: Mapping[str, Textu
     for name, about in parameters(brdf).items():
         value = getattr(brdf, name)
         if name in maps:
-            _author_texture(shader, name, maps[name])
+            author_texture(shader, name, maps[name])
             continue
         if isinstance(brdf, UsdPreviewSurface) and value == getattr(defaults, name):
             continue
@@ -197,7 +197,7 @@ def usd_value(value: Any, kind: ParameterKind, per_lobe: bool) -> Any:
     return [Gf.Vec3f(*v) for v in value] if per_lobe else Gf.Vec3f(*value)
 
 
-def _author_texture(shader: UsdShade.Shader, name: str, texture: Texture) -> None:
+def author_texture(shader: UsdShade.Shader, name: str, texture: Texture) -> None:
     stage, material = shader.GetPrim().GetStage(), shader.GetPath().GetParentPath()
     reader = UsdShade.Shader.Define(stage, material.AppendChild("StReader"))
     reader.CreateIdAttr("UsdPrimvarReader_float2")

@@ -26,7 +26,7 @@ from interchange.effects.light_spectrum import LightSpectrum
 from interchange.effects.object_pose import ObjectPose
 from interchange.effects.principal_point import PrincipalPoint
 from interchange.effects.shadow import TWIN, Shadow
-from interchange.effects.texture import Texture, box_uv
+from interchange.effects.texture import Texture, box_uv, painted
 from interchange.effects.translucency import Translucency
 from interchange.image import Image
 from interchange.light import Light, LightKind
@@ -239,6 +239,27 @@ def test_a_texture_follows_the_objects_box(scene):
     expected = effect.factor(uv[:, 0], uv[:, 1])[:, None] * [0.8, 0.7, 0.6]
     assert drawn == pytest.approx(expected, abs=2e-3)  # a map of 128 px
     assert body.mesh.uv == pytest.approx(box_uv(body.mesh, body.mesh.vertices))
+
+
+def test_bodies_of_one_material_have_patterns_of_their_own(scene):
+    """Each its own part of one texture, exact in the middle of every texel, and as the scene says where it has none."""
+    two = replace(scene, bodies=(*scene.bodies, replace(scene.bodies[0], name="/W/second")))
+    first = scene.bodies[0].name
+    rng = np.random.default_rng(2)
+    patterns = {first: rng.uniform(0.5, 1.2, (5, 7)), "/W/second": rng.uniform(0.5, 1.2, (4, 3))}
+    for given in (patterns, {first: patterns[first]}):
+        bodies = {b.name: b for b in painted(two, scene.bodies[0].material.name, given).bodies}
+        for name in patterns:
+            plane = given.get(name, np.ones((3, 3)))
+            h, w = plane.shape
+            v, u = np.meshgrid((np.arange(h) + 0.5) / h, (np.arange(w) + 0.5) / w, indexing="ij")
+            mesh = bodies[name].mesh
+            affine = np.linalg.lstsq(
+                np.c_[box_uv(mesh, mesh.vertices), np.ones(len(mesh.vertices))], mesh.uv, rcond=None
+            )[0]
+            uv = np.stack([u, v, np.ones_like(u)], axis=-1) @ affine
+            drawn = evaluate_texture(bodies[name].material.maps["diffuse"], uv)
+            assert drawn == pytest.approx(plane[..., None] * [0.8, 0.7, 0.6], abs=1e-5)
 
 
 def test_translucency_bleeds_inside_one_body():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from interchange.effects import MODELS
+from interchange.effects.texture import painted
 from interchange.formats.document import open_scene
 from interchange.formats.usd_changes import Frame, author_changes
 from interchange.scene import Scene
@@ -75,6 +76,41 @@ def _same(found: Scene, wanted: Scene) -> None:
         assert a.world_from_body == pytest.approx(b.world_from_body, abs=1e-7)
         wi, wo = (np.array(v) / np.linalg.norm(v) for v in ([0.3, 0.2, 0.9], [-0.4, 0.1, 0.8]))
         assert a.material.brdf.evaluate(wi, wo) == pytest.approx(b.material.brdf.evaluate(wi, wo), rel=1e-5)
+
+
+BASE, PLATE = "/World/Materials/base", "/World/base"
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_pattern_is_a_texture_beside_the_scene(turned: bool, tmp_path: Path) -> None:
+    text = BENCH.read_text()
+    for old, new in Y_UP if turned else []:
+        text = text.replace(old, new)
+    (tmp_path / "scene.usda").write_text(text)
+    document = open_scene(tmp_path / "scene.usda")
+    pattern = np.random.default_rng(1).uniform(0.5, 1.5, (30, 40))
+    frames = [Frame(t, document.scene(t), painted(document.scene(t), BASE, {PLATE: pattern})) for t in TIMES]
+    assert author_changes(document.stage, frames, tmp_path / "new") == []
+    document.save(tmp_path / "new.usda")
+    document.stage.Reload()
+    found, wanted = open_scene(tmp_path / "new.usda").scene(0), frames[0].new
+    assert [b.name for b in found.bodies] == [b.name for b in wanted.bodies]
+    for a, b in zip(found.bodies, wanted.bodies, strict=True):
+        if b.material.name != BASE:
+            assert a.material.maps == b.material.maps == {}
+            continue
+        (name,) = b.material.maps
+        assert np.array_equal(a.material.maps[name].pixels, b.material.maps[name].pixels)
+        assert a.material.maps[name].wrap == b.material.maps[name].wrap
+        assert a.mesh.uv[a.mesh.faces] == pytest.approx(b.mesh.uv[b.mesh.faces], abs=1e-5)
+
+
+def test_a_pattern_without_a_place_for_its_file_is_told() -> None:
+    document = open_scene(BENCH)
+    old = document.scene(0)
+    lost = author_changes(document.stage, [Frame(0, old, painted(old, BASE, {PLATE: np.full((2, 2), 0.9)}))])
+    document.stage.Reload()
+    assert any("other files" in problem.message for problem in lost)
 
 
 def test_a_lamp_that_is_not_normalised_keeps_its_intensity(tmp_path: Path) -> None:
