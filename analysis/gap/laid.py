@@ -7,9 +7,11 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.state import State
+from interchange.camera import Camera
 from interchange.effects.texture import box_uv, sides
 from interchange.effects.translucency import Translucency
 from interchange.frames import apply
+from interchange.mesh import Mesh
 
 LARGEST = 1024  # texels a side
 
@@ -35,6 +37,10 @@ class Part:
         wide, high = np.maximum(self.high - self.low, 1e-12)
         return (u - self.low[0]) / wide, (v - self.low[1]) / high
 
+    def and_also(self, other: "Part") -> "Part":
+        rows, columns = (max(a, b) for a, b in zip(self.shape, other.shape, strict=True))
+        return Part(np.minimum(self.low, other.low), np.maximum(self.high, other.high), (rows, columns))
+
 
 def laid(s: State, name: str) -> list[Laid]:
     """Of each body of a material: its name, where it is in the image (h, w), and its box coordinates (n,) there."""
@@ -45,25 +51,25 @@ def laid(s: State, name: str) -> list[Laid]:
     return found
 
 
-def parts(conditions: Sequence[Condition], name: str) -> dict[str, Part]:
-    """Of each body of a material that is seen."""
-    out: dict[str, Part] = {}
+def parts(conditions: Sequence[Condition], names: Sequence[str]) -> dict[str, dict[str, Part]]:
+    """Of each body that is seen of the materials ``names``, by material."""
+    out: dict[str, dict[str, Part]] = {name: {} for name in names}
     for c in {(id(c.shown), c.camera.name): c for c in conditions}.values():
-        if name not in c.shown.scene.material_names:
-            continue
-        meshes = {b.name: b.mesh for b in c.shown.scene.bodies}
-        for body, own, u, v in laid(State(c), name):
-            if not len(u):
-                continue
-            low, high = np.array([u.min(), v.min()]), np.array([u.max(), v.max()])
-            box = meshes[body].bounds
-            sizes = 1e3 * np.ptp(box, axis=0)[list(sides(meshes[body]))] * (high - low)  # mm
-            px = np.median(Translucency(1.0).sigma_px(c.shown.passes["depth"][own], c.camera))  # a mm
-            columns, rows = np.clip(np.ceil(sizes * px), 1, LARGEST).astype(int)
-            old = out.get(body, Part(low, high, (1, 1)))
-            shape = max(int(rows), old.shape[0]), max(int(columns), old.shape[1])
-            out[body] = Part(np.minimum(low, old.low), np.maximum(high, old.high), shape)
+        state, meshes = State(c), {b.name: b.mesh for b in c.shown.scene.bodies}
+        for name in (n for n in names if n in c.shown.scene.material_names):
+            for body, own, u, v in laid(state, name):
+                if len(u):
+                    seen = _part(meshes[body], c.shown.passes["depth"][own], c.camera, u, v)
+                    out[name][body] = seen.and_also(out[name].get(body, seen))
     return out
+
+
+def _part(mesh: Mesh, depth: np.ndarray, camera: Camera, u: np.ndarray, v: np.ndarray) -> Part:
+    low, high = np.array([u.min(), v.min()]), np.array([u.max(), v.max()])
+    size = 1e3 * np.ptp(mesh.bounds, axis=0)[list(sides(mesh))] * (high - low)  # mm
+    px = np.median(Translucency(1.0).sigma_px(depth, camera))  # a mm
+    columns, rows = np.clip(np.ceil(size * px), 1, LARGEST).astype(int)
+    return Part(low, high, (int(rows), int(columns)))
 
 
 def _found(s: State, name: str) -> Iterator[Laid]:

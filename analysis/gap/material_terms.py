@@ -54,6 +54,7 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
         for name in chosen
         for word, (i, j) in WAVES.items()
     ]
+    seen, shared = parts(conditions, chosen), pattern_fields(conditions, chosen)
     for name in chosen:
         step = _blur_mm(conditions, name)
         if covered[name] >= LARGE_PIXELS:
@@ -61,12 +62,12 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
                 "texture",
                 f"{name}{IN_PLACES}",
                 SPARE,
-                Family(_spots(name, parts(conditions, name)), SPOTS),
+                Family(_spots(name, seen[name]), SPOTS),
                 generic=False,
             )
         terms += [
             Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True, pattern=True)
-            for word, field in zip(DETAIL, pattern_fields(conditions, name), strict=False)
+            for word, field in zip(DETAIL, shared[name], strict=False)
         ]
         terms.append(
             Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),

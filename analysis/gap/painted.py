@@ -41,7 +41,7 @@ def _laid_out(
 ) -> dict[str, np.ndarray]:
     lit = [c for c in conditions if c.lamps and material in c.shown.scene.material_names]
     shapes = {}
-    for body, part in parts(lit, material).items():
+    for body, part in parts(lit, [material])[material].items():
         wide = part.shape / np.maximum((part.high - part.low)[::-1], 1e-6)
         shapes[body] = tuple(np.clip(np.ceil(wide), 1, MOST).astype(int))
     sums = {body: np.zeros((2, *shape)) for body, shape in shapes.items()}

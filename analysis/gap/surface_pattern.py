@@ -12,6 +12,7 @@ is what the same view's other conditions show. What is coarser waves or places t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import cv2
@@ -21,6 +22,7 @@ from scipy.ndimage import map_coordinates
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import flat
 from analysis.gap.laid import Part, laid, parts
+from analysis.gap.parallel import each
 from analysis.gap.regions import light_regions
 from analysis.gap.state import State
 from analysis.gap.terms import Field
@@ -52,10 +54,13 @@ class Pattern:
         return np.asarray(map_coordinates(plane, [y, x], order=1, mode="nearest"))
 
 
-def pattern_fields(conditions: Sequence[Condition], name: str) -> list[Field]:
-    """Of the material ``name``, one a size, each of rms 1 where it is known; none where no views share enough of
-    it."""
-    patterns = _patterns(conditions, name)
+def pattern_fields(conditions: Sequence[Condition], names: Sequence[str]) -> dict[str, list[Field]]:
+    """Of each of the materials ``names``, one field a size, each of rms 1 where it is known; none where no views share
+    enough of it."""
+    return {name: _fields(found, name) for name, found in _patterns(conditions, names).items()}
+
+
+def _fields(patterns: dict[str, Pattern], name: str) -> list[Field]:
     fields = []
     for size in range(len(SIZES) - 1):
         planes = [found[""][size] for p in patterns.values() for found in p.detail.values()]
@@ -87,23 +92,38 @@ def _view(condition: Condition, body: str) -> View:
     return camera.name, camera.world_from_camera.tobytes(), where.tobytes()
 
 
-def _patterns(conditions: Sequence[Condition], name: str) -> dict[str, Pattern]:
-    lit = [c for c in conditions if c.lamps and name in c.shown.scene.material_names]
-    seen = parts(lit, name)
-    sums: dict[str, dict[View, dict[str, Sums]]] = {body: {} for body in seen}
-    for c in lit:
-        dn = c.simulated().dn
-        s, w = flat(c, dn)
-        w = np.where(light_regions(c)["lit"][..., None], w, 0)
-        planes = (w * s * (c.mean - dn)).sum(axis=-1), (w * s * s).sum(axis=-1)
-        for body, own, u, v in laid(State(c), name):
+Place = tuple[str, str]  # a material and a body of it
+
+
+def _patterns(conditions: Sequence[Condition], names: Sequence[str]) -> dict[str, dict[str, Pattern]]:
+    lit = [c for c in conditions if c.lamps]
+    seen = parts(lit, names)
+    sums: dict[Place, dict[View, dict[str, Sums]]] = {}
+    for c, counted in zip(lit, each(partial(_counted, seen=seen), lit), strict=True):
+        for (name, body), found in counted.items():
+            sums.setdefault((name, body), {}).setdefault(_view(c, body), {})[c.name] = found
+    out: dict[str, dict[str, Pattern]] = {name: {} for name in names}
+    several = [place for place, by_view in sums.items() if len(by_view) > 1]
+    for (name, body), detail in zip(several, each(lambda place: _detail(sums[place]), several), strict=True):
+        if detail:
+            out[name][body] = Pattern(seen[name][body], detail)
+    return out
+
+
+def _counted(c: Condition, seen: dict[str, dict[str, Part]]) -> dict[Place, Sums]:
+    """What a condition shows of every body."""
+    dn, state, out = c.simulated().dn, State(c), {}
+    s, w = flat(c, dn)
+    w = np.where(light_regions(c)["lit"][..., None], w, 0)
+    planes = (w * s * (c.mean - dn)).sum(axis=-1), (w * s * s).sum(axis=-1)
+    for name in (n for n in seen if n in c.shown.scene.material_names):
+        for body, own, u, v in laid(state, name):
             if len(u):
-                (h, width), (x, y) = seen[body].shape, seen[body].texel(u, v)
+                (h, width), (x, y) = seen[name][body].shape, seen[name][body].texel(u, v)
                 place = np.clip(np.rint(y), 0, h - 1) * width + np.clip(np.rint(x), 0, width - 1)
                 counted = [np.bincount(place.astype(int), plane[own], h * width) for plane in planes]
-                sums[body].setdefault(_view(c, body), {})[c.name] = np.stack(counted).reshape(2, h, width)
-    details = {body: _detail(by_view) for body, by_view in sums.items() if len(by_view) > 1}
-    return {body: Pattern(seen[body], detail) for body, detail in details.items() if detail}
+                out[name, body] = np.stack(counted).reshape(2, h, width)
+    return out
 
 
 def _detail(by_view: dict[View, dict[str, Sums]]) -> dict[View, dict[str, np.ndarray]]:

@@ -52,7 +52,7 @@ def having(c: Condition, pattern: np.ndarray) -> Condition:
 
 def left(captured: list[Condition], held: list[Condition]) -> float:
     """Of the plate's mean square residual in ``held``, what the best weights, told from ``captured``, leave."""
-    fields = pattern_fields(captured, BASE)
+    fields = pattern_fields(captured, [BASE])[BASE]
     if not fields:
         return 1.0
 
@@ -91,7 +91,7 @@ def test_noise_has_none(plain: list[Condition]) -> None:
 def test_one_view_has_none(plain: list[Condition]) -> None:
     first = plain[0].camera.name
     found = [having(c, on_the_surface(c)) for c in plain if c.lamps and c.camera.name == first]
-    assert pattern_fields(found, BASE) == []
+    assert pattern_fields(found, [BASE])[BASE] == []
 
 
 def test_one_camera_sees_two_where_the_body_moves(plain: list[Condition]) -> None:
@@ -103,13 +103,13 @@ def test_one_camera_sees_two_where_the_body_moves(plain: list[Condition]) -> Non
         for b in scene.bodies
     )
     there = replace(first, rendered=replace(first.shown, scene=replace(scene, bodies=bodies)))
-    assert pattern_fields([having(first, on_the_surface(first)), there], BASE)
+    assert pattern_fields([having(first, on_the_surface(first)), there], [BASE])[BASE]
 
 
 def test_sizes_have_the_rms_of_one(plain: list[Condition]) -> None:
     """Where they are known, over the plate as both cameras see it: their pixels are not the texels, 20 %."""
     found = [having(c, on_the_surface(c)) for c in plain if c.lamps]
-    fields = pattern_fields(found, BASE)
+    fields = pattern_fields(found, [BASE])[BASE]
     assert len(fields) == len(SIZES) - 1
     for field in fields:
         seen = []
@@ -121,7 +121,7 @@ def test_sizes_have_the_rms_of_one(plain: list[Condition]) -> None:
 
 def test_what_is_seen_of_a_body(plain: list[Condition]) -> None:
     """As many texels as pixels where it is seen largest, more or less: its corner is cut by the image."""
-    part = parts(plain, BASE)["/World/base"]
+    part = parts(plain, [BASE])[BASE]["/World/base"]
     assert (part.low >= 0).all()
     assert (part.high <= 1).all()
     assert (part.high > part.low).all()
