@@ -15,6 +15,7 @@ from benchmarks.blind.rules import (
     CLAIMS,
     alarmed,
     calibration,
+    calibration_by_chance,
     called,
     confidently_wrong,
     covered,
@@ -159,7 +160,11 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     lines += ["", "| figure | value |", "|---|---|"]
     if said:
         bins = min(BINS, len(said))
-        lines.append(f"| calibration error of probabilities, {bins} bins | {calibration(said):.3f} |")
+        chance, high = calibration_by_chance(said)
+        lines.append(
+            f"| calibration error of probabilities, {bins} bins | {calibration(said):.3f}; as many calls that "
+            f"are right as often as they say have {chance:.3f}, and {high:.3f} or less in 95 % |"
+        )
     if closed:
         median, tenth = np.percentile(closed, [50, 10])
         lines.append(

@@ -87,6 +87,15 @@ def calibration(pairs: Sequence[tuple[float, bool]]) -> float:
     return float(error)
 
 
+def calibration_by_chance(pairs: Sequence[tuple[float, bool]], draws: int = 200) -> tuple[float, float]:
+    """What the same error would be, mean and 95th percentile, if each call were right as often as it says: bins of a
+    few answers are off by chance."""
+    rng = np.random.default_rng(0)
+    p = np.array([p for p, _ in pairs])
+    found = [calibration(list(zip(p, rng.random(len(p)) < p, strict=True))) for _ in range(draws)]
+    return float(np.mean(found)), float(np.percentile(found, 95))
+
+
 def covered(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> tuple[int, int, list[float]]:
     """Of parameters that mean the same on both sides: how many 95 % intervals hold the truth, of how many; errors."""
     hits, count, errors = 0, 0, []

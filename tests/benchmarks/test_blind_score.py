@@ -1,6 +1,7 @@
 """The blind benchmark's seals and scores."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,14 @@ import pytest
 from benchmarks.blind import results, score, sealing
 from benchmarks.blind.page import table
 from benchmarks.blind.results import Answer, Results, answer
-from benchmarks.blind.rules import calibration, confidently_wrong, covered, interval, right
+from benchmarks.blind.rules import (
+    calibration,
+    calibration_by_chance,
+    confidently_wrong,
+    covered,
+    interval,
+    right,
+)
 
 
 def test_labels_are_sealed_and_opened_once(tmp_path: Path):
@@ -75,6 +83,16 @@ def test_calibration_error_of_what_is_right_as_often_as_it_says():
     # bins of 80 answers that are right with p: 0.8 sqrt(p (1 - p) / 80) at most, half of it as they are spread evenly
     assert calibration(sure[::-1]) < 0.05
     assert calibration([(0.95, False)] * 20) == pytest.approx(0.95)
+
+
+def test_a_calibration_error_by_chance():
+    """Of one bin of n calls at p: E |hits / n - p|, sqrt(2 p (1 - p) / (pi n)) for many; the less the more there are."""
+    fifteen, many = ([(0.7, True)] * (15 * n) for n in (4, 400))
+    (few_mean, few_high), (mean, high) = map(calibration_by_chance, (fifteen, many))
+    assert mean == pytest.approx(math.sqrt(2 * 0.7 * 0.3 / (math.pi * 400)), rel=0.05)
+    assert high == pytest.approx(mean, rel=0.5)
+    assert few_mean > 8 * mean
+    assert few_high > few_mean
 
 
 @pytest.mark.parametrize(
