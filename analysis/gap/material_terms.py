@@ -15,7 +15,7 @@ from analysis.gap.generic_terms import SPARE, UNEVEN, bilinear
 from analysis.gap.laid import Part, laid, parts
 from analysis.gap.left import EDGED
 from analysis.gap.state import State
-from analysis.gap.surface_pattern import pattern_fields
+from analysis.gap.surface_pattern import SIZES, pattern_fields
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.brdf.base import Brdf
 from interchange.captures import Tolerances
@@ -26,7 +26,7 @@ LEAST_PIXELS = 400  # that a material must cover, of an image of 480 x 360
 LARGE_PIXELS = 8000  # the same, to have a pattern in places
 IN_PLACES = ", in places"  # what is said after the name of a material whose pattern has no formula
 SEEN_TWICE = ", as other views show it"  # the same where it is what they have in common
-DETAIL = ("finest", "fine", "coarse", "coarsest")
+DETAIL = tuple(f"{a:.0f} to {2 * a:.0f} texels" for a in SIZES[:-1])
 GRID = (20, 16)  # places of what is seen of a body, along the two longest sides of its box
 SHARED = 0.0001  # rms over the signal of each size that views have in common anyway
 SPOTS = tuple(

@@ -6,7 +6,7 @@ or the same camera where the body lies elsewhere.
     m_a - m_b                    by Gaussians a and b texels wide: detail between them
 
 Times the signal of a view, detail has none of that view's noise, and nothing that stays with an image or a camera. Of
-four sizes, each is weighed by how far views agree on it. Where no other view looks, and views agree where they do, it
+five sizes, each is weighed by how far views agree on it. Where no other view looks, and views agree where they do, it
 is what the same view's other conditions show. What is coarser waves or places tell (material_terms).
 """
 
@@ -27,7 +27,8 @@ from analysis.gap.regions import light_regions
 from analysis.gap.state import State
 from analysis.gap.terms import Field
 
-SIZES = (1.0, 2.0, 4.0, 8.0, 16.0)  # texels: detail is between each and the next
+SIZES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # texels: detail is between each and the next
+SMOOTH = 8.0  # texels: what is smoothed more is looked at on a grid a quarter as fine
 FEWEST = 400  # texels that views share
 AGREED = 0.5  # correlation of views from which on one of them is believed by itself
 KNOWN = 0.1  # of the median weight of texels: less is no pixel's
@@ -146,11 +147,19 @@ def _detail(by_view: dict[View, dict[str, Sums]]) -> dict[View, dict[str, np.nda
 def _between(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
     """(k, h, w): what lies between a size and the next, and where (h, w) there is anything."""
     up, down = sums
-    blurred = [[cv2.GaussianBlur(x, (0, 0), sigma) for x in (up, down)] for sigma in SIZES]
+    blurred = [[_blurred(x, sigma) for x in (up, down)] for sigma in SIZES]
     weight = blurred[0][1]
     known = weight > KNOWN * float(np.median(weight[down > 0])) if (down > 0).any() else down > 0
     smooth = [np.divide(a, b, out=np.zeros_like(a), where=known) for a, b in blurred]
     return np.stack([a - b for a, b in pairwise(smooth)]).astype(np.float32), known
+
+
+def _blurred(plane: np.ndarray, sigma: float) -> np.ndarray:
+    h, w = plane.shape
+    if sigma <= SMOOTH or min(h, w) < 4 * SMOOTH:
+        return cv2.GaussianBlur(plane, (0, 0), sigma)
+    small = cv2.resize(plane, (-(-w // 4), -(-h // 4)), interpolation=cv2.INTER_AREA)
+    return cv2.resize(cv2.GaussianBlur(small, (0, 0), sigma / 4), (w, h), interpolation=cv2.INTER_LINEAR)
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:

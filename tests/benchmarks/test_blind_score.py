@@ -86,7 +86,7 @@ def test_calibration_error_of_what_is_right_as_often_as_it_says():
 
 
 def test_a_calibration_error_by_chance():
-    """Of one bin of n calls at p: E |hits / n - p|, sqrt(2 p (1 - p) / (pi n)) for many; the less the more there are."""
+    """Of one bin of n calls at p: E |hits / n - p|, sqrt(2 p (1 - p) / (pi n)) for many."""
     fifteen, many = ([(0.7, True)] * (15 * n) for n in (4, 400))
     (few_mean, few_high), (mean, high) = map(calibration_by_chance, (fifteen, many))
     assert mean == pytest.approx(math.sqrt(2 * 0.7 * 0.3 / (math.pi * 400)), rel=0.05)
