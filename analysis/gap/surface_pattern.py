@@ -6,8 +6,9 @@ or the same camera where the body lies elsewhere.
     m_a - m_b                    by Gaussians a and b texels wide: detail between them
 
 Times the signal of a view, detail has none of that view's noise, and nothing that stays with an image or a camera. Of
-five sizes, each is weighed by how far views agree on it. Where no other view looks, and views agree where they do, it
-is what the same view's other conditions show. What is coarser waves or places tell (material_terms).
+five sizes, each is weighed by how far views agree on it. Where they do, there is a pattern, and it is what the same
+view's other conditions show: as sharp as that view has it, and where no other one looks. What is coarser waves or
+places tell (material_terms).
 """
 
 from collections.abc import Sequence
@@ -171,5 +172,5 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _filled(
     there: np.ndarray, known: np.ndarray, here: np.ndarray, looked: np.ndarray, agreed: np.ndarray
 ) -> np.ndarray:
-    """What other views show, and where they do not what this one does, of the sizes on which they ``agreed``."""
-    return np.where(known, there, np.where(looked & agreed[:, None, None], here, 0)).astype(np.float32)
+    """What other views show; of the sizes on which they ``agreed`` with it what this view does, as sharp as it is."""
+    return np.where(looked & agreed[:, None, None], here, np.where(known, there, 0)).astype(np.float32)
