@@ -67,7 +67,7 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
             )
         terms += [
             Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True, pattern=True)
-            for word, field in zip(DETAIL, shared[name], strict=False)
+            for word, field in zip(DETAIL[: len(shared[name])], shared[name], strict=True)
         ]
         terms.append(
             Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),

@@ -35,6 +35,7 @@ AGREED = 0.5  # correlation of views from which on one of them is believed by it
 KNOWN = 0.1  # of the median weight of texels: less is no pixel's
 
 View = tuple[str, bytes, bytes]  # a camera, where it stands and where the body does
+Place = tuple[str, str]  # a material and a body of it
 Sums = np.ndarray  # (2, h, w): Σ w s r and Σ w s² of each texel
 
 
@@ -68,8 +69,9 @@ def _fields(patterns: dict[str, Pattern], name: str) -> list[Field]:
         planes = [found[""][size] for p in patterns.values() for found in p.detail.values()]
         known = [plane[plane != 0] for plane in planes]
         rms = float(np.sqrt(np.mean(np.concatenate(known) ** 2))) if known else 0.0
-        if rms > 0:
-            fields.append(_field(patterns, name, size, rms))
+        if not rms > 0:
+            return []
+        fields.append(_field(patterns, name, size, rms))
     return fields
 
 
@@ -92,9 +94,6 @@ def _view(condition: Condition, body: str) -> View:
     where = next(b.world_from_body for b in condition.shown.scene.bodies if b.name == body)
     camera = condition.camera
     return camera.name, camera.world_from_camera.tobytes(), where.tobytes()
-
-
-Place = tuple[str, str]  # a material and a body of it
 
 
 def _patterns(conditions: Sequence[Condition], names: Sequence[str]) -> dict[str, dict[str, Pattern]]:

@@ -4,33 +4,30 @@ materials. What does not differ stays as it stands in the file, and so do refere
 A value that differs alike in every frame stays one value; one that differs from frame to frame gets time samples.
 """
 
-import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from interchange.brdf.sum import Sum
 from interchange.camera import Camera
-from interchange.formats import exr, usd_lamp, usd_sensor
+from interchange.formats import usd_lamp, usd_sensor
 from interchange.formats.usd_author import (
     TYPES,
     author_brdf,
     author_light,
-    author_texture,
     free_path,
     stage_from_world,
     usd_value,
 )
 from interchange.formats.usd_preview import preview_of
+from interchange.formats.usd_textures import author_textures, lay, only_laid
 from interchange.formats.usd_values import matrix
-from interchange.image import Image
 from interchange.light import Light, LightKind
-from interchange.material import Material, Texture
-from interchange.mesh import Mesh
+from interchange.material import Material
 from interchange.parameter import parameters
 from interchange.problems import Problem, Severity, Where
 from interchange.scene import Scene
@@ -38,7 +35,6 @@ from interchange.scene import Scene
 SUFFIX = "correction"  # of the transform op that moves a prim
 POWERS = ("lamp:power", "lamp:flux")  # stand for the intensity where they are authored
 NAMES = Sdf.ValueTypeNames
-ON_A_PLANE = 1e-5  # of texture coordinates, that rounding leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +70,13 @@ def author_changes(stage: Usd.Stage, frames: Sequence[Frame], textures: Path | N
             _camera(stage, name, views, lose)
     for name in dict.fromkeys(n for f in frames for n in f.old.object_names):
         _body(stage, name, frames, lose)
+    bare = {name for f in frames[:1] for name in lay(stage, f.old, f.new, lose)}
     for name in dict.fromkeys(n for f in frames for n in f.old.material_names):
         for f in frames:
             before = next((b.material for b in f.old.bodies if b.material.name == name), None)
             after = next((b.material for b in f.new.bodies if b.material.name == name), None)
             if before is not None and after is not None and before is not after:
-                _material(stage, before, after, textures, lose)
+                _material(stage, before, after, None if name in bare else textures, lose)
                 break
     return list(dict.fromkeys(lost))
 
@@ -257,15 +254,15 @@ def _camera(stage: Usd.Stage, name: str, views: Sequence[tuple[float, Camera, Ca
 
 
 def _body(stage: Usd.Stage, name: str, frames: Sequence[Frame], lose: Lose) -> None:
-    motions, moved, laid = [], False, False
+    motions, moved = [], False
     for f in frames:
         a = next((b for b in f.old.bodies if b.name == name), None)
         b = next((b for b in f.new.bodies if b.name == name), None)
         if a is None or b is None:
             motions.append((f.time, np.eye(4)))
             continue
-        if a.mesh is not b.mesh and not laid:
-            laid = _lay(stage, name, a.mesh, b.mesh, lose)
+        if a.mesh is not b.mesh and not only_laid(a.mesh, b.mesh):
+            lose(name, "Its shape would have to be another mesh.")
         if a.world_from_body is b.world_from_body or np.array_equal(a.world_from_body, b.world_from_body):
             motions.append((f.time, np.eye(4)))
             continue
@@ -273,33 +270,6 @@ def _body(stage: Usd.Stage, name: str, frames: Sequence[Frame], lose: Lose) -> N
         motions.append((f.time, _motion(a.world_from_body, b.world_from_body)))
     if moved:
         move(stage, name, motions, lose)
-
-
-def _lay(stage: Usd.Stage, name: str, before: Mesh, after: Mesh, lose: Lose) -> bool:
-    """Texture coordinates that follow from where a point is, onto its own points. True: once is enough."""
-    prim = stage.GetPrimAtPath(name)
-    same = before.vertices is after.vertices and before.faces is after.faces
-    if not same or after.uv is None:
-        lose(name, "Its shape would have to be another mesh.")
-        return True
-    if not prim or not prim.IsA(UsdGeom.Mesh) or prim.IsInstanceProxy():
-        lose(name, "It has no mesh of its own in the file, on which a texture could be laid.")
-        return True
-    if UsdGeom.PrimvarsAPI(prim).HasPrimvar("st"):
-        lose(name, "It has texture coordinates already, which another texture may need.")
-        return True
-    corners = np.c_[after.vertices, np.ones(len(after.vertices))]
-    affine = np.linalg.lstsq(corners, after.uv, rcond=None)[0]
-    if np.abs(corners @ affine - after.uv).max(initial=0.0) > ON_A_PLANE:
-        lose(name, "Its texture coordinates do not follow from where its points are.")
-        return True
-    points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(), float) * UsdGeom.GetStageMetersPerUnit(
-        stage
-    )
-    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", NAMES.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    uv = np.c_[points, np.ones(len(points))] @ affine
-    st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv, np.float32)))
-    return True
 
 
 def _material(stage: Usd.Stage, before: Material, after: Material, textures: Path | None, lose: Lose) -> None:
@@ -310,7 +280,7 @@ def _material(stage: Usd.Stage, before: Material, after: Material, textures: Pat
         return
     new = {n: t for n, t in after.maps.items() if before.maps.get(n) is not t}
     if new and textures is None:
-        lose(before.name, "Its textures would have to be other files.")
+        lose(before.name, "Its textures would have to be other files, laid on all that it is on.")
         return
     for f in ("normal_map", "emission", "emission_map", "opacity", "opacity_map", "glsl"):
         if getattr(before, f) != getattr(after, f):
@@ -322,11 +292,10 @@ def _material(stage: Usd.Stage, before: Material, after: Material, textures: Pat
     shader = UsdShade.Shader(connected[0].source.GetPrim()) if connected else None
     if shader and type(after.brdf) is type(before.brdf):
         _inputs(shader, before.brdf, after.brdf, before.name, lose)
-        for name, texture in new.items():
-            if not shader.GetInput(name) and name not in parameters(after.brdf):
-                lose(before.name, f"Its {name} is of a part, whose textures are not written.")
-                continue
-            author_texture(shader, name, _in_a_file(texture, textures, before.name, name))
+        if new and textures is not None:
+            why = author_textures(shader, before.name, new, textures, list(parameters(after.brdf)))
+            if why:
+                lose(before.name, why)
     elif after.maps:
         lose(before.name, "Its model would have to be another one, which its textures do not fit.")
         return
@@ -341,15 +310,6 @@ def _material(stage: Usd.Stage, before: Material, after: Material, textures: Pat
             there = preview.GetInput(name)
             if there and not there.HasConnectedSource():
                 there.Set(usd_value(getattr(looks, name), about.kind, about.per_lobe))
-
-
-def _in_a_file(texture: Texture, textures: Path | None, material: str, name: str) -> Texture:
-    """The texture, written beside the scene."""
-    assert textures is not None
-    word = re.sub(r"\W+", "_", material.strip("/"))
-    path = textures.with_name(f"{textures.name}_{word}_{name}.exr")
-    exr.write(path, Image(texture.pixels))
-    return replace(texture, file=path.name)
 
 
 def _inputs(shader: Any, before: Any, after: Any, name: str, lose: Lose) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Gf, Sdf, UsdGeom, Vt
 
 from interchange.effects import MODELS
 from interchange.effects.texture import painted
@@ -111,6 +112,29 @@ def test_a_pattern_without_a_place_for_its_file_is_told() -> None:
     lost = author_changes(document.stage, [Frame(0, old, painted(old, BASE, {PLATE: np.full((2, 2), 0.9)}))])
     document.stage.Reload()
     assert any("other files" in problem.message for problem in lost)
+
+
+def test_a_body_that_has_no_place_for_a_texture_leaves_its_material_as_it_was(tmp_path: Path) -> None:
+    """Else the body would be drawn in the colour of one texel."""
+    text = BENCH.read_text()
+    (tmp_path / "scene.usda").write_text(text)
+    document = open_scene(tmp_path / "scene.usda")
+    prim = document.stage.GetPrimAtPath(PLATE)
+    count = len(UsdGeom.Mesh(prim).GetPointsAttr().Get())
+    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+    )
+    st.Set(Vt.Vec2fArray([Gf.Vec2f(0.5, 0.5)] * count))
+    old = document.scene(0)
+    new = painted(old, BASE, {PLATE: np.full((2, 2), 0.9)})
+    lost = author_changes(document.stage, [Frame(0, old, new)], tmp_path / "new")
+    assert {p.where.prim for p in lost} == {PLATE, BASE}
+    assert "texture coordinates already" in lost[0].message
+    assert not list(tmp_path.glob("*.exr"))
+    document.save(tmp_path / "new.usda")
+    found = next(b for b in open_scene(tmp_path / "new.usda").scene(0).bodies if b.name == PLATE)
+    assert not found.material.maps
+    document.stage.Reload()
 
 
 def test_a_lamp_that_is_not_normalised_keeps_its_intensity(tmp_path: Path) -> None:
