@@ -1,6 +1,7 @@
-"""A material's albedo varies over its surface, which the scene says to be even: waves in each object's own box.
+"""A material's albedo varies over its surface, which the scene says to be even.
 
 ρ' = ρ (1 + Σ c_ij cos(π i u) cos(π j v)),    u, v from 0 to 1 along the two longest sides of the object's box
+ρ' = ρ f(u, v)                                of a pattern that has no formula (``painted``)
 """
 
 from collections.abc import Mapping
