@@ -14,6 +14,7 @@ from interchange.parameter import parameters
 
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
 WHITE = 0.02  # of σ², from which on it is worth a word
+SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
 
 def sentence(d: Diagnosis) -> str:
@@ -87,7 +88,16 @@ def evidence(fit: Fit, finding: Finding) -> str:
         return "Every explanation that was tried has it."
     gain = fit.best.score - max(without)
     word = next(word for least, word in STRENGTH if gain >= least)
-    return f"There is {word} evidence: the best explanation without it is {_times(gain)} times less probable."
+    told = (
+        f"There is {word} evidence: the best explanation without it makes the captures {_times(gain)} times "
+        f"less likely"
+    )
+    if gain < SURE_OF_ITSELF:
+        return f"{told}."
+    return (
+        f"{told}, if models were exact. They are not: the probability is what such evidence proved to be worth "
+        f"in blind cases."
+    )
 
 
 def _times(gain: float) -> str:
@@ -128,7 +138,7 @@ def why_not(fit: Fit, finding: Finding) -> list[str]:
         if gain == math.inf:
             said = "has no numbers that could stand in its place"
         elif gain > 0:
-            said = f"in its place is {_times(gain)} times less probable"
+            said = f"in its place makes the captures {_times(gain)} times less likely"
         out.append(f"{plain(rival)}: {said}.{seen}")
     return out
 

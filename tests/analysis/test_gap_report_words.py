@@ -20,11 +20,11 @@ def _fit(instead: float) -> Any:
 @pytest.mark.parametrize(
     ("instead", "said"),
     [
-        (10 - math.log(400), "is 400 times less probable"),
+        (10 - math.log(400), "captures 400 times less likely"),
         (-math.inf, "no numbers that could stand in its place"),
     ],
 )
-def test_a_rival_is_told_by_how_much_less_probable_it_is(instead: float, said: str) -> None:
+def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: float, said: str) -> None:
     finding: Any = SimpleNamespace(name="defocus", rivals=())
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
