@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.diagnosis import PRESENT, STAGES
+from analysis.gap.diagnosis import LIKELIEST, PRESENT, STAGES
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.numbers import possible
@@ -89,8 +89,14 @@ def claimed(
 
 
 def called(fitted: Fit) -> list[Cause]:
-    """The causes that are probable."""
-    return [c for c in fitted.best.causes if fitted.probability.get(c, 0.0) >= PRESENT]
+    """The causes that are probable, and the likeliest of several that captures do not tell apart where it is probable
+    that there is one of them."""
+    return [c for c in fitted.best.causes if _is_called(fitted, c)]
+
+
+def _is_called(fitted: Fit, cause: Cause) -> bool:
+    p = fitted.probability.get(cause, 0.0)
+    return p >= PRESENT or (p >= LIKELIEST and p * fitted.in_place.get(cause, 1.0) >= PRESENT)
 
 
 class Sets:

@@ -10,9 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.gap.chain_terms import (
+    OF_A_CAMERA,
     SHARED,
     VIBRATION,
     black_levels,
+    black_of_channels,
     chain_terms,
     dark_current,
     dark_shading,
@@ -37,6 +39,7 @@ def camera_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
     bright = _brightest(conditions)
     shared = chain_terms(State(bright), tolerances, {c.camera.t_exp for c in conditions})
     more = [
+        *black_of_channels(conditions, tolerances),
         *dark_shading(conditions, tolerances),
         *dark_current(conditions, tolerances),
         *shutter_delay(conditions, tolerances),
@@ -69,7 +72,7 @@ def of_one(terms: Sequence[Term], camera: str) -> list[Term]:
             t,
             target=f"{camera}, {t.target}" if t.target else camera,
             camera=camera,
-            spike=t.spike * (OWN / SHARED if t.cause in SUMMED else OWN),
+            spike=t.spike * (OF_A_CAMERA / SHARED if t.cause in SUMMED else OWN),
         )
         for t in terms
     ]

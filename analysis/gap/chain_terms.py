@@ -49,7 +49,11 @@ REDUNDANT = {
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
 CROSS_STEP = 0.7  # px, of the step that a path's product is told by
-SHARED = 0.7  # of a black level's tolerance, by all cameras
+SHARED, OF_A_CHANNEL = (
+    0.7,
+    0.5,
+)  # of a tolerance, by all cameras; of a black level's, of each channel by itself
+OF_A_CAMERA = float(np.sqrt(1 - SHARED**2 - OF_A_CHANNEL**2))  # of a black level's, of each camera by itself
 DARK = "dark_current"  # of the black level
 SHADED = 0.5  # of its tolerance, that it may be uneven by: a guess, half of what may be wrong with all of it
 APART = 2.0  # times, from which on exposures tell it from the level
@@ -121,15 +125,38 @@ def differ(exposures: Collection[float]) -> bool:
 
 
 def black_levels(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """How far each camera's black level may be off by itself: no cause. The tolerance is both
-    parts' together, what all share and what each has."""
+    """How far each camera's black level may be off by itself: no cause. The tolerance is of the sum, with what all
+    share and what each channel has."""
     names = list(dict.fromkeys(c.camera.name for c in conditions))
 
     def own(name: str) -> Field:
         return lambda s: np.ones_like(s.signal) if s.camera.name == name else None
 
-    spike = tolerances.black_level_dn * np.sqrt(1 - SHARED**2)
+    spike = OF_A_CAMERA * tolerances.black_level_dn
     return [Term(NUISANCE, n, "black level", "DN", spike, own(n)) for n in names]
+
+
+def black_of_channels(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """How far the black level of each channel of each camera may be off by itself, as each has an amplifier of its own:
+    no cause."""
+    channels = {c.camera.name: c.mean.shape[2] for c in conditions}
+
+    def own(name: str, channel: int) -> Field:
+        def field(s: State) -> np.ndarray | None:
+            if s.camera.name != name:
+                return None
+            out = np.zeros_like(s.signal)
+            out[..., channel] = 1.0
+            return out
+
+        return field
+
+    spike = OF_A_CHANNEL * tolerances.black_level_dn
+    return [
+        Term(NUISANCE, name, f"black level of channel {k}", "DN", spike, own(name, k))
+        for name, n in channels.items()
+        for k in range(n)
+    ]
 
 
 def dark_shading(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:

@@ -1,19 +1,19 @@
 """From which severity on the captures would show each effect: what "none" means.
 
-For an effect θ alone, without any other error, of rms s over the signal, s² = θ' G θ / S, the evidence for it over none
-is a quadratic form of θ:
+For an effect θ alone, without any other error, of severity s, s² = θ' M θ (analysis.gap.severity), the evidence for it
+over none is a quadratic form of θ:
 
     Δ log Z(θ) = θ' Q θ - cost,      shown where  Δ log Z + log prior odds - log T >= log(p / (1 - p)),  p = SURE
 
 with cost what its freedom is charged (Occam's factor), and T = 1 + Σ_κ p(κ) Z_κ / Z what a tolerance that is κ times as
 large explains of it (analysis.gap.caution). Its numbers may be off in ways that tolerances hide, and in ways that they
-do not: the eigenvectors of Q in the metric G / S have the easiest way among them; ways drawn by lot lie evenly on the
+do not: the eigenvectors of Q in the metric M have the easiest way among them; ways drawn by lot lie evenly on the
 sphere, and what is told is what nine of ten have.
 
 MacKay: Bayesian interpolation. Neural Computation 1992.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from analysis.gap.evidence import Evidence
 from analysis.gap.terms import Cause
 
 SURE = 0.9
-MOST = 0.5  # rms over the signal: what would not show there is told as never
+MOST = 0.5  # severity: what would not show there is told as never
 LEAST, RUNGS, HALVES = (
     1e-5,
     120,
@@ -36,7 +36,7 @@ FLAT = 1e-9  # of the largest: ways that change no image
 
 @dataclass(frozen=True)
 class Detectable:
-    """``easiest``: rms over the signal from which on an effect would be found if it is about what shows it best,
+    """``easiest``: severity from which on an effect would be found if it is about what shows it best,
     ``cause``, and off in the way that shows best; ``hardest``: from which on it would be found whatever it is about, in
     nine of ten ways drawn by lot. inf: never."""
 
@@ -45,12 +45,16 @@ class Detectable:
     hardest: float
 
 
-def detectable(evidence: Evidence, declared: np.ndarray) -> tuple[Detectable, ...]:
-    """Every effect with a name, the easiest first. ``declared`` (q,): spikes as declared."""
+def detectable(
+    evidence: Evidence, declared: np.ndarray, strength: Mapping[Cause, np.ndarray]
+) -> tuple[Detectable, ...]:
+    """Every effect with a name, the easiest first. ``declared`` (q,): spikes as declared. ``strength``: M of causes."""
     found: dict[str, list[Detectable]] = {}
     for cause, index in evidence.members.items():
         if not evidence.terms[index[0]].generic:
-            found.setdefault(cause[0], []).append(Detectable(cause, *_severities(evidence, declared, cause)))
+            found.setdefault(cause[0], []).append(
+                Detectable(cause, *_severities(evidence, declared, cause, strength[cause]))
+            )
     told = [_together(targets) for targets in found.values()]
     return tuple(sorted(told, key=lambda d: d.easiest))
 
@@ -60,11 +64,10 @@ def _together(targets: Sequence[Detectable]) -> Detectable:
     return Detectable(best.cause, best.easiest, max(d.hardest for d in targets))
 
 
-def _severities(evidence: Evidence, declared: np.ndarray, cause: Cause) -> tuple[float, float]:
+def _severities(
+    evidence: Evidence, declared: np.ndarray, cause: Cause, metric: np.ndarray
+) -> tuple[float, float]:
     """In the best way, and in nine of ten drawn by lot."""
-    index = evidence.members[cause]
-    e = evidence.e
-    metric = e.G[np.ix_(index, index)] / max(e.signal, 1e-30)
     seen, ways = eigh(metric)
     there = seen > FLAT * seen.max()
     to_unit = ways[:, there] / np.sqrt(

@@ -183,7 +183,7 @@ def diagnose(
         edges=_edges(held, v.by, v.shown),
         metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
         verification=check,
-        smallest=detectable(fitted.evidence, fitted.declared),
+        smallest=detectable(fitted.evidence, fitted.declared, fitted.severity),
         over_declared=fitted.factors,
         rehearsal=rehearsal,
         left=v.left,

@@ -20,6 +20,10 @@ from analysis.gap.structure import STEPS, Structure
 from analysis.gap.verify import Verification
 
 PRESENT = 0.5  # from which probability on an effect is called
+LIKELIEST = (
+    1 / 3
+)  # the same of the likeliest of several that captures do not tell apart, of which one is there
+TIED = 4.0  # times less probable than the likeliest: what is no less may as well be there
 STAGES = {
     "scene": ("camera_pose", "object_pose", "geometry", "light_position", "light_intensity", "light_beam", "light_size",
               "light_spectrum", "ambient_light", "interreflection", "shadow"),
@@ -67,6 +71,12 @@ class Finding:
         """ "vignetting of Camera1", "albedo of paint and tin", "light position of all lamps"."""
         of = " and ".join(self.cameras or self.targets)
         return self.name.replace("_", " ") + (f" of {of}" if of else "")
+
+    @property
+    def tied(self) -> tuple[str, ...]:
+        """Rivals that may as well be there, in words, where it is but the likeliest."""
+        alike = (name for name, p in self.rivals if p > self.probability / TIED)
+        return tuple(name.replace("_", " ") for name in alike) if self.probability < PRESENT else ()
 
 
 @dataclass(frozen=True)
@@ -210,6 +220,6 @@ def write_text(path: Path, text: str) -> None:
 
 
 def names(findings: Sequence[Finding]) -> str:
-    """ "vignetting, defocus and exposure"."""
-    words = [f.called for f in findings]
+    """ "vignetting, defocus (or motion blur) and exposure"."""
+    words = [f.called + (f" (or {' or '.join(f.tied)})" if f.tied else "") for f in findings]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.gap.advice import separating
 from analysis.gap.attribution import CATALOGUED, Attribution
+from analysis.gap.attribution import called as causes_called
 from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.fit import Fit, uncertainty
@@ -159,9 +160,10 @@ def what_is_unknown(
                 probable,
             )
         )
-    sure = any(fitted.probability.get(c, 0.0) >= PRESENT for c in fitted.best.causes)
+    sure = bool(causes_called(fitted))
+    larger = all(c in fitted.cautions and fitted.cautions[c].tail >= PRESENT for c in fitted.best.causes)
     nothing = float(fitted.probability_of_none)
-    if fitted.best.causes and not sure and nothing < PRESENT and not out:
+    if fitted.best.causes and not (sure or larger or out) and nothing < PRESENT:
         tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
         probable = uncalled(fitted.weighed, fitted.best)
         agreed = [fitted.cautions[c].something if c in fitted.cautions else 1.0 for c in fitted.best.causes]
@@ -179,7 +181,7 @@ def cautious(fitted: Fit) -> list[str]:
     """Why causes that the captures together speak for are not called."""
     notes = []
     for (name, target), c in fitted.cautions.items():
-        if fitted.probability[name, target] >= PRESENT or (name, target) in fitted.refuted:
+        if (name, target) in (*causes_called(fitted), *fitted.refuted):
             continue
         what = f"{name.replace('_', ' ')}{f' of {called(target)}' if target else ''}"
         if c.tail >= PRESENT:

@@ -3,7 +3,7 @@
 Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -32,6 +32,7 @@ from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares, told_apart
 from analysis.gap.search import Search, Stand, Told
+from analysis.gap.severity import severities
 from analysis.gap.terms import Cause, Term
 from interchange.captures import Tolerances
 
@@ -68,6 +69,10 @@ class Fit:
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
+    severity: dict[Cause, np.ndarray] = field(
+        default_factory=dict
+    )  # metric of how strong each cause with a name is (analysis.gap.severity)
+    in_place: dict[Cause, float] = field(default_factory=dict)  # of the best's causes (``in_its_place``)
 
     @property
     def best(self) -> Hypothesis:
@@ -200,6 +205,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
     careful = cautions(stand.evidence, declared, best, evidence, parts, left_out)
     probability |= {c: caution.of(probability.get(c, 0.0)) for c, caution in careful.items()}
     doubted = stand.evidence.sigma(best)[:q]
+    named = {c: index for c, index in evidence.members.items() if not terms[index[0]].generic}
     return Fit(
         before,
         after,
@@ -215,6 +221,8 @@ def _fit(search: Search, stand: Stand) -> Fit:
         careful,
         partial(numbers, search, stand),
         left_over(stand.evidence, best),
+        severity=severities(named, stand.kept.values()),
+        in_place={c: in_its_place(stand.hypotheses, best.causes, c, set(named)) for c in best.causes},
     )
 
 
@@ -228,6 +236,23 @@ def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:
         for cause in h.causes:
             out[cause] = out.get(cause, 0.0) + float(share)
     return out
+
+
+def in_its_place(
+    hypotheses: Sequence[Hypothesis], causes: Sequence[Cause], cause: Cause, named: Collection[Cause]
+) -> float:
+    """The probability that there is ``cause`` or, beside the other ``causes``, another ``named`` one in its place, over
+    that of ``cause``: captures that do not tell a white balance from the colour of the one material that they show
+    still tell that it is one of the two."""
+    rest = set(causes) - {cause}
+    own = others = 0.0
+    for h in hypotheses:
+        p, has = float(np.exp(h.score - hypotheses[0].score)), set(h.causes)
+        if cause in has:
+            own += p
+        elif rest < has and has - rest <= set(named):
+            others += p
+    return (own + others) / own if own else 1.0
 
 
 def believed(

@@ -11,9 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.gap.attribution import CATALOGUED
+from analysis.gap.attribution import CATALOGUED, called
 from analysis.gap.conditions import Condition
-from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.model import Model
@@ -49,9 +48,9 @@ def rehearse(
         for c in found.best.causes:
             if c[0] in CATALOGUED:
                 said[c[0]] = max(said.get(c[0], 0.0), min(found.probability[c], SUREST))
-        called = [c[0] for c in found.best.causes if found.probability[c] >= PRESENT]
         truth = cause[0] if cause else ""
-        cases.append(Rehearsed(truth, severity, said, set(called) == ({truth} if truth else set())))
+        exact = {name for name, _ in called(found)} == ({truth} if truth else set())
+        cases.append(Rehearsed(truth, severity, said, exact))
     told("rehearsal", 1.0)
     return Rehearsal(tuple(cases))
 

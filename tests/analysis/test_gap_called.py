@@ -9,7 +9,7 @@ from analysis.gap.attribution import called
 from analysis.gap.calling import beside_structure, only_called
 from analysis.gap.caution import Caution
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.fit import Fit
+from analysis.gap.fit import Fit, in_its_place
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
@@ -43,6 +43,29 @@ def _fit(p_a: float, p_b: float) -> Fit:
         {},
         lambda h: Model(terms, evidence.theta(h), none),
     )
+
+
+def test_the_likeliest_of_several_that_look_alike_is_called_where_one_of_them_is_there() -> None:
+    """A white balance and the colour of the one material that is seen: one is there, no capture says which."""
+    fitted = replace(_fit(0.9, 0.4), in_place={A: 1.0, B: 2.0})
+    assert called(fitted) == [A, B]
+    assert called(replace(fitted, in_place={A: 1.0, B: 1.2})) == [A]  # that there is one is not probable
+    assert called(replace(fitted, probability={A: 0.9, B: 0.2}, in_place={A: 1.0, B: 4.0})) == [
+        A
+    ]  # of too many
+
+
+def test_what_may_be_in_a_cause_s_place_has_a_name_and_is_beside_the_same_others() -> None:
+    C, unnamed = ("albedo", "paint"), ("fixed to the image", "")
+    log = {(A, B): 0.6, (A, C): 0.3, (A, unnamed): 0.05, (B,): 0.05}
+    hypotheses = [
+        Hypothesis(causes, (0.1,) * len(causes), float(np.log(p)), 0.0) for causes, p in log.items()
+    ]
+    named = {A, B, C}
+    assert in_its_place(hypotheses, (A, B), B, named) == pytest.approx(0.95 / 0.65)
+    assert in_its_place(hypotheses, (A, B), A, named) == pytest.approx(
+        1.0
+    )  # B alone has nothing in its place
 
 
 def test_all_that_is_called_stays_as_it_was_fitted() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.camera_terms import OWN, camera_terms
-from analysis.gap.chain_terms import SHARED, VIBRATION, chain_terms, effects_at
+from analysis.gap.chain_terms import SHARED, VIBRATION, black_of_channels, chain_terms, effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.diagnosis import Finding, names
@@ -56,7 +56,8 @@ def test_what_all_and_each_may_be_off_adds_up_to_the_tolerance(found: list[Condi
         assert many[cause, "", parameter].form
         assert not many[cause, LEFT, parameter].form
     level = [many["black_level", target, "black_level"].spike for target in ("", LEFT)]
-    assert np.hypot(*level) == pytest.approx(Tolerances().black_level_dn)
+    level += [t.spike for t in black_of_channels(found, Tolerances())[:1]]
+    assert np.linalg.norm(level) == pytest.approx(Tolerances().black_level_dn)
 
 
 def test_a_camera_alone_shows_its_own(found: list[Condition]) -> None:

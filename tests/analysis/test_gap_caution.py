@@ -224,6 +224,23 @@ def test_a_larger_tolerance_is_no_effect_and_nothing_unknown() -> None:
     ]
 
 
+def test_what_tolerances_explain_though_not_surely_is_nothing_unknown() -> None:
+    """More probable than not that there is something, of which the most is a larger tolerance."""
+    other = ("b", "")
+    h = [Hypothesis((LAMP, other), (0.01, 0.01), 30.0, 0.0), Hypothesis((), (), 0.0, 0.0)]
+    fitted = _fit(0.4, tail=0.6, most=1.0)
+    both = replace(
+        fitted,
+        hypotheses=tuple(h),
+        probability={LAMP: 0.4, other: 0.4},
+        cautions={c: fitted.cautions[LAMP] for c in (LAMP, other)},
+    )
+    assert both.probability_of_none < 0.5
+    assert what_is_unknown(both) == ()
+    less = replace(both, cautions={**both.cautions, other: Caution(0.3, 0.31, 1.0)})
+    assert "nearest" in what_is_unknown(less)[0][0]
+
+
 def test_what_conditions_do_not_agree_on_is_unknown() -> None:
     fitted = _fit(0.1, tail=0.0, most=0.1)
     assert fitted.probability_of_none < 1e-9

@@ -8,6 +8,7 @@ import pytest
 from analysis.gap.chain_terms import (
     VIBRATION,
     black_levels,
+    black_of_channels,
     chain_terms,
     dark_current,
     dark_shading,
@@ -194,9 +195,22 @@ def test_each_of_several_cameras_has_a_black_level_of_its_own(condition: Conditi
     terms = black_levels([condition, other], Tolerances())
     assert [(t.cause, t.target) for t in terms] == [(NUISANCE, n) for n in ("/eye", "/other")]
     shared = next(t for t in chain_terms(State(condition), Tolerances()) if t.cause == "black_level")
-    assert np.hypot(shared.spike, terms[0].spike) == pytest.approx(Tolerances().black_level_dn)
+    channels = black_of_channels([condition, other], Tolerances())
+    parts = (shared.spike, terms[0].spike, channels[0].spike)
+    assert np.linalg.norm(parts) == pytest.approx(Tolerances().black_level_dn)
     assert terms[0].field(State(other)) is None
     assert np.asarray(terms[1].field(State(other))).min() == 1
+    assert [(t.cause, t.target) for t in channels] == [
+        (NUISANCE, n) for n in ("/eye", "/other")
+    ]  # of one channel
+
+
+def test_each_channel_has_a_black_level_of_its_own(condition: Condition) -> None:
+    color = replace(condition, mean=np.repeat(condition.mean, 3, axis=2))
+    terms = black_of_channels([color], Tolerances(black_level_dn=2.0))
+    levels = [np.asarray(t.field(State(color))) for t in terms]
+    assert np.stack(levels).mean(axis=(1, 2)) == pytest.approx(np.eye(3))
+    assert {t.spike for t in terms} == {1.0}
 
 
 def test_a_black_level_may_be_uneven_by_half_of_its_tolerance(condition: Condition) -> None:

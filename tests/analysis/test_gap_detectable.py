@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from analysis.gap.caution import tail
 from analysis.gap.detectable import SURE, detectable
 from analysis.gap.evidence import SLABS, SLIGHT, Evidence
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.terms import Term
+from analysis.gap.sensitivities import Sensitivities
+from analysis.gap.severity import severities
+from analysis.gap.terms import Cause, Term
 
 
 def evidence(n: int = 900) -> Evidence:
@@ -22,6 +25,11 @@ def evidence(n: int = 900) -> Evidence:
     return Evidence(
         NormalEquations(X @ X.T, np.zeros(3), 0.0, n / 0.05**2, np.full(3, n / 0.05**2), 0.0, n), terms
     )
+
+
+def strength(e: Evidence) -> dict[Cause, np.ndarray]:
+    """Where all pixels weigh alike, what the evidence weighs is what severities are."""
+    return {c: e.e.G[np.ix_(i, i)] / e.e.signal for c, i in e.members.items()}
 
 
 def seen(e: Evidence, b: np.ndarray) -> Evidence:
@@ -38,20 +46,26 @@ def probability(e: Evidence, cause: str) -> float:
 def test_what_is_told_is_where_the_probability_is_reached(name: str) -> None:
     e = evidence()
     k = [t.cause for t in e.terms].index(name)
-    told = next(d for d in detectable(e, e.spike) if d.cause[0] == name)
+    told = next(d for d in detectable(e, e.spike, strength(e)) if d.cause[0] == name)
     for factor, sure in ((0.99, False), (1.01, True)):
         size = factor * told.easiest / e.share[k]
         assert bool(probability(seen(e, e.e.G[:, k] * size), name) > SURE) == sure
 
 
 def test_what_is_not_in_the_image_is_not_told() -> None:
-    assert {d.cause[0] for d in detectable(evidence(), np.full(3, 0.002))} == {"vignetting", "texture"}
+    assert {d.cause[0] for d in detectable(evidence(), np.full(3, 0.002), strength(evidence()))} == {
+        "vignetting",
+        "texture",
+    }
 
 
 def test_a_wider_tolerance_hides_more() -> None:
     e = evidence()
     wide = Evidence(e.e, [replace(t, spike=5 * t.spike) for t in e.terms])
-    assert detectable(wide, wide.spike)[0].easiest > 2 * detectable(e, e.spike)[0].easiest
+    assert (
+        detectable(wide, wide.spike, strength(wide))[0].easiest
+        > 2 * detectable(e, e.spike, strength(e))[0].easiest
+    )
 
 
 def test_a_way_drawn_by_lot_is_harder_than_the_best_and_the_worst_target_the_hardest() -> None:
@@ -62,8 +76,9 @@ def test_a_way_drawn_by_lot_is_harder_than_the_best_and_the_worst_target_the_har
     terms = [Term("light_position", t, n, "1", s, lambda s: None) for (t, n), s in spikes.items()]
     e = NormalEquations(X @ X.T, np.zeros(3), 0.0, 900 / 0.05**2, np.full(3, 900 / 0.05**2), 0.0, 900)
     own = np.array(list(spikes.values()))
-    (both,) = detectable(Evidence(e, terms), own)
-    (first,) = detectable(Evidence(e.of(np.array([0, 1])), terms[:2]), own[:2])
+    whole, part = Evidence(e, terms), Evidence(e.of(np.array([0, 1])), terms[:2])
+    (both,) = detectable(whole, own, strength(whole))
+    (first,) = detectable(part, own[:2], strength(part))
     assert both.cause == first.cause == ("light_position", "a")
     assert first.easiest < first.hardest < both.hardest
     assert both.easiest == pytest.approx(first.easiest, rel=0.2)  # one more lamp to choose among
@@ -79,3 +94,28 @@ def test_shares_and_ways_are_counted_as_the_evidence_counts_them() -> None:
         want = there.at((("texture", ""),), (slab,)).log_Z - there.at((), ()).log_Z
         want += there.chosen((("texture", ""),)) - there.averaged((("texture", ""),))
         assert theta**2 * Q[0, 0] - cost == pytest.approx(want, rel=1e-6)
+
+
+def test_pixels_that_weigh_little_make_an_effect_no_weaker() -> None:
+    """An effect of half of the pixels, which weigh a hundredth: its severity is told of all alike."""
+    n, signal = 800, 100.0
+    column = np.where(np.arange(n) < n // 2, 3.0, 0.0)
+    one = Sensitivities(
+        np.stack([np.ones(n), column]).astype(np.float32),
+        sparse.csr_array(np.eye(2, n, dtype=np.float32)),
+        np.array([0, 2]),
+        np.array([1, 3]),
+        np.full((n, 1, 1), signal),
+        None,
+    )
+    members = {("defocus", ""): np.array([2]), ("texture", ""): np.array([1, 3])}
+    found = severities(members, [one, one])
+    assert found["defocus", ""][0, 0] == pytest.approx(np.mean(column**2) / signal**2)
+    assert found["texture", ""] == pytest.approx(np.eye(2) / n / signal**2)
+    w = np.where(column > 0, 1e-2, 1.0)
+    G = np.array([[np.sum(w * column**2)]])
+    e = NormalEquations(G, np.zeros(1), 0.0, np.sum(w) * signal**2, np.zeros(1), 0.0, n)
+    told = Evidence(e, [Term("defocus", "", "p", "px", 1e-3, lambda s: None)])
+    (by_pixels,) = detectable(told, told.spike, found)
+    (by_weights,) = detectable(told, told.spike, strength(told))
+    assert by_pixels.easiest / by_weights.easiest == pytest.approx(np.sqrt(0.5 / (0.01 / 1.01)), rel=1e-3)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from analysis.gap.diagnosis import Estimate
+from analysis.gap.diagnosis import Estimate, Finding, names
 from analysis.gap.report_words import interval, what_is_left, why_not
 from analysis.gap.structure import Structure
 
@@ -29,6 +29,16 @@ def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: 
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"),
+    [(0.45, "white balance (or albedo) and defocus"), (0.7, "white balance and defocus")],
+)
+def test_what_is_the_likeliest_of_several_is_told_with_them(probability: float, said: str) -> None:
+    rest: Any = ({}, (("albedo", 0.4), ("color_crosstalk", 0.05)), None, 2.0, 1.0, 0.5)
+    both = [Finding("white_balance", probability, *rest), Finding("defocus", 0.9, *rest)]
+    assert names(both) == said
 
 
 @pytest.mark.parametrize(
