@@ -13,7 +13,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
 from analysis.gap.state import State
-from analysis.gap.terms import Cells, Family, Field, Term, in_cells
+from analysis.gap.terms import NUISANCE, Cells, Family, Field, Term, in_cells
 from interchange.captures import Tolerances
 
 ORDER = 5  # cosines a side
@@ -21,6 +21,10 @@ GRID = (12, 9)  # places of an image, columns and rows
 BOX = 8  # places of the scene's longest side
 SPARE = 0.0005  # rms of places, over the signal, that no twin gets right
 DRIFTS = 0.4  # of a lamp's tolerance: how captures differ in brightness
+SLOWEST, COLORED = (
+    2,
+    0.5,
+)  # cosines of what channels' flat fields differ by, and how much of the tolerance that is
 UNEVEN = 0.5  # of an albedo's tolerance: how uneven a surface may be that is right on the whole
 PERIODS = 3  # of stripes that are tried
 AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
@@ -67,7 +71,7 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     ]
     for camera in cameras:
         terms += _waves(camera, conditions, seldom)
-    return [*terms, *_places(cameras, conditions)]
+    return [*terms, *color_shading(conditions, t), *_places(cameras, conditions)]
 
 
 def _places(cameras: Sequence[str], conditions: Sequence[Condition]) -> list[Term]:
@@ -93,6 +97,40 @@ def _places(cameras: Sequence[str], conditions: Sequence[Condition]) -> list[Ter
     for c in conditions:
         terms += in_cells(PLACE, c.name, SPARE, Family(_quarters(c.name), tuple(quarters)))
     return terms
+
+
+def color_shading(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
+    """How a flat field may differ from channel to channel, as filters and microlenses take light by its angle: no
+    cause. In the slowest waves, of each camera."""
+    waves = [(i, j) for i in range(SLOWEST + 1) for j in range(SLOWEST + 1) if 0 < i + j <= SLOWEST]
+    part = falling(waves)
+    spike = COLORED / np.sqrt(3) * tolerances.flat_field  # of one channel's, over the signal of all
+    return [
+        Term(
+            NUISANCE,
+            camera,
+            f"flat field of {'RGB'[k]} {i},{j}",
+            "1",
+            spike * part[i, j],
+            _of_channel(_image(camera, i, j, True), k),
+            relative=True,
+        )
+        for camera in dict.fromkeys(c.camera.name for c in conditions if c.mean.shape[2] == 3)
+        for i, j in waves
+        for k in range(3)
+    ]
+
+
+def _of_channel(whole: Field, channel: int) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        found = whole(s)
+        if found is None:
+            return None
+        out = np.zeros_like(found)
+        out[..., channel] = found[..., channel]
+        return out
+
+    return field
 
 
 def _term(cause: str, target: str, parameter: str, spike: float, field: Field) -> Term:
