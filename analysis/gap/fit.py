@@ -13,6 +13,7 @@ import numpy as np
 from analysis.gap.aperture import without_apertures
 from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
+from analysis.gap.color_shading import color_shading
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fall_off import without_rises
@@ -302,6 +303,7 @@ def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots
         ),
         *camera_terms(conditions, tolerances),
         *saturation_terms(conditions, tolerances),
+        *color_shading(conditions, tolerances),
         *generic_terms(conditions, tolerances),
         *left_of_lines(conditions),
     ]

@@ -13,7 +13,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
 from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Cells, Family, Field, Term, in_cells
+from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.captures import Tolerances
 
 ORDER = 5  # cosines a side
@@ -56,8 +56,8 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
         for i, j in waves:
             label = f"{i},{j}"
             own = part[i, j] * t.flat_field
-            terms.append(_term(FACTOR, camera, label, own, _image(camera, i, j, True)))
-            terms.append(_term(OFFSET, camera, label, SMOOTH * own, _image(camera, i, j, False)))
+            terms.append(_term(FACTOR, camera, label, own, image_wave(camera, i, j, True)))
+            terms.append(_term(OFFSET, camera, label, SMOOTH * own, image_wave(camera, i, j, False)))
     terms += [
         _term(SURFACE, "", f"{i},{j}", UNEVEN * part[i, j] * t.albedo, _surface(i, j)) for i, j in waves
     ]
@@ -71,7 +71,7 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     ]
     for camera in cameras:
         terms += _waves(camera, conditions, seldom)
-    return [*terms, *color_shading(conditions, t), *_places(cameras, conditions)]
+    return [*terms, *_places(cameras, conditions)]
 
 
 def _places(cameras: Sequence[str], conditions: Sequence[Condition]) -> list[Term]:
@@ -99,45 +99,13 @@ def _places(cameras: Sequence[str], conditions: Sequence[Condition]) -> list[Ter
     return terms
 
 
-def color_shading(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """How a flat field may differ from channel to channel, as filters and microlenses take light by its angle: no
-    cause. In the slowest waves, of each camera."""
-    waves = [(i, j) for i in range(SLOWEST + 1) for j in range(SLOWEST + 1) if 0 < i + j <= SLOWEST]
-    part = falling(waves)
-    spike = COLORED / np.sqrt(3) * tolerances.flat_field  # of one channel's, over the signal of all
-    return [
-        Term(
-            NUISANCE,
-            camera,
-            f"flat field of {'RGB'[k]} {i},{j}",
-            "1",
-            spike * part[i, j],
-            _of_channel(_image(camera, i, j, True), k),
-            relative=True,
-        )
-        for camera in dict.fromkeys(c.camera.name for c in conditions if c.mean.shape[2] == 3)
-        for i, j in waves
-        for k in range(3)
-    ]
-
-
-def _of_channel(whole: Field, channel: int) -> Field:
-    def field(s: State) -> np.ndarray | None:
-        found = whole(s)
-        if found is None:
-            return None
-        out = np.zeros_like(found)
-        out[..., channel] = found[..., channel]
-        return out
-
-    return field
-
-
 def _term(cause: str, target: str, parameter: str, spike: float, field: Field) -> Term:
     return Term(cause, target, parameter, "1", spike, field, relative=True, generic=True)
 
 
-def _image(camera: str, i: int, j: int, factor: bool) -> Field:
+def image_wave(camera: str, i: int, j: int, factor: bool) -> Field:
+    """Cosines of ``i`` and ``j`` half waves across the image and down, times the signal or 100 DN."""
+
     def field(s: State) -> np.ndarray | None:
         if s.camera.name != camera:
             return None

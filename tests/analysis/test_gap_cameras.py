@@ -7,11 +7,13 @@ import pytest
 
 from analysis.gap.camera_terms import OWN, camera_terms
 from analysis.gap.chain_terms import SHARED, VIBRATION, black_of_channels, chain_terms, effects_at
+from analysis.gap.color_shading import COLORED, color_shading
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, changed
 from analysis.gap.diagnosis import Finding, names
 from analysis.gap.expected import Expected
 from analysis.gap.fit import fit
+from analysis.gap.generic_terms import image_wave
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.sensitivities import drawn
 from analysis.gap.state import State
@@ -126,3 +128,16 @@ def test_a_verdict_says_whose_lens_it_is() -> None:
         == "lens distortion and lens distortion of Camera1"
     )
     assert names([replace(of_all, cameras=("A", "B"))]) == "lens distortion of A and B"
+
+
+def test_flat_fields_may_differ_from_channel_to_channel_by_a_part_of_their_tolerance(
+    found: list[Condition],
+) -> None:
+    terms = [t for t in color_shading(found, Tolerances(flat_field=0.01)) if t.target == LEFT]
+    assert np.linalg.norm([t.spike for t in terms]) == pytest.approx(COLORED * 0.01)
+    state = State(next(c for c in found if c.camera.name == LEFT))
+    parts = [np.asarray(t.field(state)) for t in terms if t.parameter.endswith("1,0")]
+    assert sum(parts) == pytest.approx(np.asarray(image_wave(LEFT, 1, 0, True)(state)))
+    assert [np.flatnonzero(np.abs(x).sum(axis=(0, 1))).tolist() for x in parts] == [[0], [1], [2]]
+    assert terms[0].field(State(next(c for c in found if c.camera.name == RIGHT))) is None
+    assert color_shading([replace(c, mean=c.mean[..., :1]) for c in found], Tolerances()) == []
