@@ -96,7 +96,10 @@ def called(fitted: Fit) -> list[Cause]:
 
 def _is_called(fitted: Fit, cause: Cause) -> bool:
     p = fitted.probability.get(cause, 0.0)
-    return p >= PRESENT or (p >= LIKELIEST and p * fitted.in_place.get(cause, 1.0) >= PRESENT)
+    one_of_them = p * fitted.in_place.get(cause, 1.0)
+    if cause in fitted.cautions:  # no surer than conditions agree, whatever it is
+        one_of_them = min(one_of_them, fitted.cautions[cause].most)
+    return p >= PRESENT or (p >= LIKELIEST and one_of_them >= PRESENT)
 
 
 class Sets:

@@ -53,6 +53,8 @@ def test_the_likeliest_of_several_that_look_alike_is_called_where_one_of_them_is
     assert called(replace(fitted, probability={A: 0.9, B: 0.2}, in_place={A: 1.0, B: 4.0})) == [
         A
     ]  # of too many
+    doubtful = {B: Caution(0.0, 0.6, 0.45)}
+    assert called(replace(fitted, cautions=doubtful)) == [A]  # conditions do not agree on it
 
 
 def test_what_may_be_in_a_cause_s_place_has_a_name_and_is_beside_the_same_others() -> None:
