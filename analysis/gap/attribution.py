@@ -96,10 +96,12 @@ def called(fitted: Fit) -> list[Cause]:
 
 def _is_called(fitted: Fit, cause: Cause) -> bool:
     p = fitted.probability.get(cause, 0.0)
+    if p >= PRESENT or any(name not in CATALOGUED for name, _ in fitted.best.causes):
+        return p >= PRESENT  # beside what has no name, what looks alike is not all that may be there
     one_of_them = p * fitted.in_place.get(cause, 1.0)
     if cause in fitted.cautions:  # no surer than conditions agree, whatever it is
         one_of_them = min(one_of_them, fitted.cautions[cause].most)
-    return p >= PRESENT or (p >= LIKELIEST and one_of_them >= PRESENT)
+    return p >= LIKELIEST and one_of_them >= PRESENT
 
 
 class Sets:

@@ -87,10 +87,12 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Without any cause where all that is called makes the held-out captures surely worse than the file at its best
     does: what calibration may be off by was fitted beside them."""
     kept = called(fitted)
+    if not kept:
+        return fitted
     both = (each(model.simulated, held) for model in (fitted.before, fitted.after))
     sums = by.blocks(*both)
     off = sums[:, 2] - sums[:, 4]
-    if not kept or off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
+    if off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
         return fitted
     nothing = fitted.best.of(())
     return replace(

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from analysis.gap.attribution import PATTERN, called
-from analysis.gap.calling import as_written_if_better, beside_structure, borne_out, only_called
+from analysis.gap.calling import as_written_if_better, beside_structure, borne_out, only_called, upheld
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
@@ -70,6 +70,7 @@ def verdict(
         # those that stay are as probable as they were, until they are held against what is left then
         less = {c: doubted.probability[c] for c in gone}
         sure = only_called(replace(sure, probability={**sure.probability, **less}))
+        sure = upheld(sure, held, found.by)  # it stands elsewhere without them
         corrected = each(sure.after.simulated, conditions)
     if called(doubted):
         return replace(found, fitted=doubted)

@@ -57,6 +57,12 @@ def test_the_likeliest_of_several_that_look_alike_is_called_where_one_of_them_is
     assert called(replace(fitted, cautions=doubtful)) == [A]  # conditions do not agree on it
 
 
+def test_beside_what_has_no_name_the_likeliest_is_not_all_that_may_be_there() -> None:
+    fitted = replace(_fit(0.9, 0.4), in_place={A: 1.0, B: 2.0})
+    unnamed = Hypothesis((A, B, ("fixed to the image", "")), (0.1,) * 3, 30.0, 0.0)
+    assert called(replace(fitted, hypotheses=(unnamed,))) == [A]
+
+
 def test_what_may_be_in_a_cause_s_place_has_a_name_and_is_beside_the_same_others() -> None:
     C, unnamed = ("albedo", "paint"), ("fixed to the image", "")
     log = {(A, B): 0.6, (A, C): 0.3, (A, unnamed): 0.05, (B,): 0.05}

@@ -1,5 +1,6 @@
 """What is called beside what has structure: looked at again until it stays, and doubted once."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -33,6 +34,7 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
     monkeypatch.setattr(module, "_told", told)
     monkeypatch.setattr(module, "borne_out", lambda fitted, *rest: fitted)
+    monkeypatch.setattr(module, "upheld", lambda fitted, *rest: fitted)
     return amounts
 
 
@@ -48,6 +50,21 @@ def test_what_stays_is_doubted_once_however_often_it_is_looked_at(left: list[flo
     alone = _own(found.fitted, 0)
     assert found.fitted.probability[A] == pytest.approx(0.95 * alone / (alone + PROBABLE * amount))
     assert not left
+
+
+def test_what_stays_is_held_against_the_captures_where_it_stands_alone(
+    left: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the second cause the first makes them worse, and is not called either."""
+
+    def refuted(fitted: Fit, *rest: object) -> Fit:
+        return replace(fitted, hypotheses=(fitted.best.of(()),), probability={A: 0.0, B: 0.0})
+
+    monkeypatch.setattr(module, "upheld", refuted)
+    monkeypatch.setattr(module, "as_written_if_better", lambda fitted, *rest: fitted)
+    fitted = _fit(0.95, 0.6)
+    left += [0.4 * _own(fitted, 1)] * 2
+    assert called(verdict(fitted, [], [], [], 1.0).fitted) == []
 
 
 def test_all_that_is_called_and_outweighs_it_is_looked_at_once(left: list[float]) -> None:
