@@ -19,6 +19,7 @@ from analysis.gap.attribution import (
     without,
 )
 from analysis.gap.calling import confirmed, no_worse
+from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.detectable import detectable
@@ -37,7 +38,7 @@ from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
-from analysis.gap.noise import noise_findings, with_black_level, with_noise
+from analysis.gap.noise import WEIGHING, noise_findings, with_black_level, with_noise
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.notes import notes
@@ -134,7 +135,11 @@ def diagnose(
     all_of_them, fitted, corrected, judged = stood(evened)
     shown_of_noise = with_noise(evened, corrected, judged)
     if shown_of_noise is not evened:  # weighed by the data sheet, it would be taken for what has no name
-        all_of_them, fitted, corrected, judged = stood(shown_of_noise)
+        anew = stood(shown_of_noise)
+        if is_noise_of(anew[1], fitted):
+            all_of_them, fitted, corrected, judged = anew
+        else:
+            judged = [n for n in judged if n.name not in WEIGHING]
     v = verdict(fitted, all_of_them, corrected, judged, scale)
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
@@ -189,6 +194,12 @@ def diagnose(
         left=v.left,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, v.shown)
+
+
+def is_noise_of(weighed: Fit, before: Fit) -> bool:
+    """Whether captures that are ``weighed`` by a noise leave what it says, no worse than ``before``: a black level that
+    is told wrong forges a noise that they do not have."""
+    return abs(weighed.left_over[0]) <= max(abs(before.left_over[0]), KNOWN)
 
 
 def _noise(fitted: Fit, whole: Sequence[Condition], corrected: Sequence[np.ndarray]) -> list[NoiseFinding]:

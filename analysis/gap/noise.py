@@ -24,6 +24,7 @@ from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from interchange.effects.sensor_noise import SensorNoise
 from interchange.parameter import parameters
 
+WEIGHING = {"sensor_noise", "fixed_pattern"}  # what captures are weighed by
 # relative errors of gain and read noise that a data sheet leaves: no source; the first was 0.03 before set 2026-11-22g
 GAIN, READ = 0.02, 0.1
 WIDE = 0.2  # relative error of a gain that is off
@@ -57,7 +58,7 @@ def with_noise(
     """The conditions with the noise that is ``found`` probably, each camera's fixed pattern what its own pixels show;
     the same list where it is the data sheet's. ``simulations``: as for ``noise_findings``."""
     probable = {n.name: n for n in found if n.probability >= PRESENT}
-    if not {"sensor_noise", "fixed_pattern"} & set(probable):
+    if not WEIGHING & set(probable):
         return conditions
     out = []
     patterns: dict[str, NoiseFinding | None] = {}

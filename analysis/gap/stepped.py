@@ -116,11 +116,15 @@ def _on_grid(s: State, changes: Sequence[tuple[Effect, str, float]], sizes: Size
 
 
 def _rounded(effect: Effect, steps: dict[str, float]) -> Effect:
-    none = type(effect)()
+    """To whole steps, no further than the effect's bounds."""
+    none, about = type(effect)(), parameters(type(effect))
     values = {}
     for name, step in steps.items():
         start = getattr(none, name)
-        values[name] = start + step * round((getattr(effect, name) - start) / step)
+        value = start + step * round((getattr(effect, name) - start) / step)
+        if not about[name].low <= value <= about[name].high:
+            value = start + step * int((getattr(effect, name) - start) / step)
+        values[name] = value
     return replace(effect, **values)  # type: ignore[type-var]
 
 

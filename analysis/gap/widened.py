@@ -13,6 +13,8 @@ from analysis.gap.terms import Cause
 if TYPE_CHECKING:
     from analysis.gap.evidence import Evidence
 
+ROUNDED = 1e-5  # of the largest eigenvalue, that sums of float32 may be off by
+
 
 class Widened:
     """An evidence whose causes are as wide as ``slabs`` {cause: slab}: ``wide`` (n,), their terms, ``ratio`` times as
@@ -61,11 +63,15 @@ def woodbury(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarra
 
 
 def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
-    """Of a positive definite matrix, and half the logarithm of its determinant; a third of the work of solving for
-    every column."""
+    """Of I and a matrix whose eigenvalues are 0 or more, and half the logarithm of its determinant; a third of the work
+    of solving for every column. What rounding of large eigenvalues takes off small ones is put back."""
     factor, wrong = lapack.dpotrf(A, lower=1, clean=1)
     if wrong:
-        raise np.linalg.LinAlgError(f"A matrix of {len(A)} terms must be positive definite.")
+        values, vectors = np.linalg.eigh(A)
+        if values[0] < -ROUNDED * values[-1]:
+            raise np.linalg.LinAlgError(f"A matrix of {len(A)} terms must be positive definite.")
+        values = np.maximum(values, 1.0)
+        return (vectors / values) @ vectors.T, 0.5 * float(np.log(values).sum())
     inverse = lapack.dpotri(factor, lower=1)[0]
     inverse += inverse.T
     inverse[np.diag_indices(len(A))] /= 2
