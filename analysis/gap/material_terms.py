@@ -13,7 +13,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.generic_terms import SPARE, UNEVEN, bilinear
 from analysis.gap.laid import Part, laid, parts
-from analysis.gap.left import EDGED
+from analysis.gap.left import EDGED, LAMP
 from analysis.gap.state import State
 from analysis.gap.surface_pattern import SIZES, pattern_fields
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
@@ -65,9 +65,12 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
                 Family(_spots(name, seen[name]), SPOTS),
                 generic=False,
             )
+        coarsest = LAMP * tolerances.flat_field  # where light is off, all views show that on a surface, too
         terms += [
-            Term("texture", f"{name}{SEEN_TWICE}", word, "1", SHARED, field, True, pattern=True)
-            for word, field in zip(DETAIL[: len(shared[name])], shared[name], strict=True)
+            Term("texture", f"{name}{SEEN_TWICE}", word, "1", anyway, field, True, pattern=True)
+            for word, anyway, field in zip(
+                DETAIL, [SHARED] * (len(DETAIL) - 1) + [coarsest], shared[name], strict=False
+            )
         ]
         terms.append(
             Term("translucency", name, "sigma", "mm", EDGED * tolerances.flat_field, _bleeding(name, step),
