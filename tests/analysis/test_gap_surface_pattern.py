@@ -8,7 +8,8 @@ import pytest
 
 from analysis.gap.conditions import Condition
 from analysis.gap.laid import laid, parts
-from analysis.gap.material_terms import GRID, material_terms
+from analysis.gap.left import LAMP
+from analysis.gap.material_terms import GRID, SEEN_TWICE, SHARED, material_terms
 from analysis.gap.model import Model
 from analysis.gap.painted import patterns
 from analysis.gap.state import State
@@ -86,6 +87,13 @@ def test_noise_has_none(plain: list[Condition]) -> None:
     """Detail of a view is told without its own noise, which therefore stays: weights take off what chance does."""
     found = [c for c in plain if c.lamps]
     assert left(found, found) > 0.99
+
+
+def test_of_the_coarsest_detail_lamps_leave_what_their_flat_field_may(plain: list[Condition]) -> None:
+    found = [having(c, on_the_surface(c)) for c in plain if c.lamps]
+    target = f"{BASE}{SEEN_TWICE}"
+    terms = [t for t in material_terms(found, Tolerances(flat_field=0.01)) if t.target == target]
+    assert [t.spike for t in terms] == pytest.approx([SHARED] * (len(SIZES) - 2) + [LAMP * 0.01])
 
 
 def test_one_view_has_none(plain: list[Condition]) -> None:
