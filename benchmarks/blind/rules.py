@@ -21,6 +21,7 @@ OUTSIDE = frozenset({*FIRST_OUTSIDE, *APART_OUTSIDE})
 
 CONFIDENT = 0.9
 BINS = 15
+ABOVE = 0.05  # of χ², a gap that can be closed at all
 
 
 def interval(k: int, n: int, level: float = 0.95) -> tuple[float, float]:
@@ -94,6 +95,25 @@ def calibration_by_chance(pairs: Sequence[tuple[float, bool]], draws: int = 200)
     p = np.array([p for p, _ in pairs])
     found = [calibration(list(zip(p, rng.random(len(p)) < p, strict=True))) for _ in range(draws)]
     return float(np.mean(found)), float(np.percentile(found, 95))
+
+
+def chi2_of_nulls(nulls: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> dict[str, float]:
+    """Median χ² by scene of what is left of its nulls: the sensor's noise, and the other engine's own."""
+    found: dict[str, list[float]] = {}
+    for label in nulls:
+        if chi := answers[label["case"]].chi:
+            found.setdefault(label["scene"], []).append(chi[1] ** 2)
+    return {scene: float(np.median(x)) for scene, x in found.items()}
+
+
+def closed_beyond(cases: Sequence[tuple[str, Answer]], floor: dict[str, float]) -> list[float]:
+    """Of cases (scene, answer), the share of the gap above the ``floor`` (χ² by scene) that is closed; none where the
+    gap is not ``ABOVE`` it, nor where the scene has no null."""
+    out = []
+    for scene, a in cases:
+        if a.chi and a.chi[0] ** 2 - floor.get(scene, np.inf) > ABOVE:
+            out.append((a.chi[0] ** 2 - a.chi[1] ** 2) / (a.chi[0] ** 2 - floor[scene]))
+    return out
 
 
 def covered(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> tuple[int, int, list[float]]:

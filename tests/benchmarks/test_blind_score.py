@@ -12,6 +12,8 @@ from benchmarks.blind.results import Answer, Results, answer
 from benchmarks.blind.rules import (
     calibration,
     calibration_by_chance,
+    chi2_of_nulls,
+    closed_beyond,
     confidently_wrong,
     covered,
     interval,
@@ -55,7 +57,8 @@ def test_right_is_exact():
     one = _label("a", "single", "vignetting")
     assert right(one, Answer({"vignetting": 0.9}))
     assert not right(one, Answer({"vignetting": 0.9, "albedo": 0.8}))
-    assert right(one, Answer({"vignetting": 0.9, "albedo": 0.3}))
+    assert not right(one, Answer({"vignetting": 0.9, "albedo": 0.3}))  # what is listed is said
+    assert right(one, Answer({"vignetting": 0.4}))  # the likeliest of several that look alike
     assert not right(one, Answer({"vignetting": 0.9}, unknown=True))
     assert not right(one, Answer({}, failed=True))
     bound = _label("b", "single", "white_balance")
@@ -151,6 +154,21 @@ def test_a_page_lists_every_miss(tmp_path: Path):
     missed = page.split("Every case")[1]
     assert all(f"| {case} |" in missed for case in ("n2", "s2", "gone"))
     assert not any(f"| {case} |" in missed for case in ("n1", "s1", "o1"))
+
+
+def test_what_is_closed_is_told_of_what_nulls_do_not_have_too():
+    """χ² of 1.2 is left of the scene's nulls: 1.8 to 1.26 is 0.9 of what can be closed; 1.22 can hardly be."""
+    answers = {
+        "n": Answer({}, chi=(1.21**0.5, 1.2**0.5)),
+        "m": Answer({}, chi=(1.21**0.5, 1.2**0.5)),
+        "s": Answer({}, chi=(1.8**0.5, 1.26**0.5)),
+        "t": Answer({}, chi=(1.22**0.5, 1.0)),
+    }
+    nulls = [{**_label(c, "null"), "scene": "rich"} for c in ("n", "m")]
+    floor = chi2_of_nulls(nulls, answers)
+    assert floor == {"rich": pytest.approx(1.2)}
+    assert closed_beyond([("rich", answers["s"]), ("rich", answers["t"])], floor) == [pytest.approx(0.9)]
+    assert closed_beyond([("board", answers["s"])], floor) == []
 
 
 def _kept(name: str, program: str, *cases: str) -> Results:
