@@ -82,8 +82,10 @@ def interval(effect: str, name: str, found: Estimate) -> str:
 
 
 def evidence(fit: Fit, finding: Finding) -> str:
-    """How much likelier the captures are with the effect than with the best explanation that leaves it out."""
-    without = [h.score for h in fit.hypotheses if finding.name not in {c[0] for c in h.causes}]
+    """How much likelier the captures are with the effect than with the best explanation that leaves it out, and all
+    that may as well be there."""
+    alike = {finding.name, *(name.replace(" ", "_") for name in finding.tied)}
+    without = [h.score for h in fit.hypotheses if not alike & {c[0] for c in h.causes}]
     if not without:
         return "Every explanation that was tried has it."
     gain = fit.best.score - max(without)
@@ -92,6 +94,13 @@ def evidence(fit: Fit, finding: Finding) -> str:
         f"There is {word} evidence: the best explanation without it makes the captures {_times(gain)} times "
         f"less likely"
     )
+    if finding.tied:
+        others = " or ".join(finding.tied)
+        return (
+            f"The captures speak for it or for {others} and hardly tell which; it is the likeliest. There is {word} "
+            f"evidence for one of them: the best explanation without any makes the captures {_times(gain)} times less "
+            f"likely."
+        )
     if gain < SURE_OF_ITSELF:
         return f"{told}."
     return (
@@ -160,7 +169,7 @@ def next_captures(d: Diagnosis, found: Sequence[Condition], fit: Fit) -> list[st
     undecided = [
         (cause, p)
         for cause, p in sorted(fit.probability.items(), key=lambda x: -x[1])
-        if 0.1 < p < 0.5 and cause[0] in MODELS
+        if 0.1 < p < 0.5 and cause[0] in MODELS and cause[0] not in {f.name for f in d.effects}
     ]
     for (name, _), p in undecided[:2]:
         advice = getattr(MODELS[name], "separated_by", "")

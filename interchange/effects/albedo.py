@@ -21,7 +21,7 @@ class Albedo(Effect):
     order = 10
     source = "Nicodemus et al.: Geometrical considerations and nomenclature for reflectance. NBS 1977."
     identified_by = "One material is brighter by one factor a channel, under every lamp and in every pose."
-    confused_with = ("light_intensity", "light_spectrum", "color_crosstalk", "texture")
+    confused_with = ("light_intensity", "light_spectrum", "color_crosstalk", "exposure", "texture")
     separated_by = "the same material under a second lamp and with a reference tile in view"
 
     R: float = parameter(1.0, "s_R", "1", 0, 100, "albedo over the one that the scene gives, red")

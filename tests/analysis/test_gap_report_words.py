@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 
+from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
-from analysis.gap.report_words import interval, what_is_left, why_not
+from analysis.gap.report_words import evidence, interval, what_is_left, why_not
 from analysis.gap.structure import Structure
+from interchange.effects import MODELS
 
 
 def _fit(instead: float) -> Any:
@@ -29,6 +31,26 @@ def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: 
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+def test_the_evidence_of_a_tie_is_that_for_one_of_them() -> None:
+    of = SimpleNamespace
+    scores = {"exposure": 10.0, "albedo": 9.8, "black_level": 10 - math.log(400)}
+    h = [of(score=x, causes=((name, ""),)) for name, x in scores.items()]
+    fit: Any = of(best=h[0], hypotheses=h)
+    rest: Any = ({}, (("albedo", 0.4),), None, 2.0, 1.0, 0.5)
+    words = evidence(fit, Finding("exposure", 0.45, *rest))
+    assert "for it or for albedo" in words
+    assert "400 times less likely" in words
+    assert "1 times less likely" in evidence(fit, Finding("exposure", 0.55, *rest))  # which is no tie
+
+
+def test_what_tells_two_apart_is_said_by_the_one_that_knows_of_the_other() -> None:
+    assert (
+        separating("exposure", "albedo") == separating("albedo", "exposure") == MODELS["albedo"].separated_by
+    )
+    assert separating("vignetting", "a family") == MODELS["vignetting"].separated_by
+    assert separating("a family", "another") == "the same scene from a second pose and under a second lamp"
 
 
 @pytest.mark.parametrize(
