@@ -42,6 +42,9 @@ Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
 STARTS = 4
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
 NEARLY = 0.9  # of what is hoped for: a single cause that gains so much is followed first, and is all if it stays alone
+KEPT = (
+    0.5  # of what is hoped for, that it must gain where it stands: else another that moves may be behind it
+)
 UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
@@ -153,7 +156,7 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     alone = search.alone(first)
     if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
         stand = search.followed(first, alone, "fit 1")
-        if stand.best.causes == alone.hypothesis.causes:
+        if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
             return [stand]
     moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
     starts = [*moves, *search.starts(first)]

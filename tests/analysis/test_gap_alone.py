@@ -1,0 +1,32 @@
+"""A single cause is all where it gains what was hoped for from home."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.gap.fit import _followed
+
+CAMERA, WORKPIECE = ("camera_pose", "Camera0"), ("object_pose", "block")
+
+
+def _stand(cause: tuple[str, str], gain: float) -> Any:
+    h = [SimpleNamespace(score=gain, causes=(cause,)), SimpleNamespace(score=0.0, causes=())]
+    return SimpleNamespace(best=h[0], hypotheses=h, is_its_own=True)
+
+
+@pytest.mark.parametrize(("gain", "best"), [(80.0, CAMERA), (30.0, WORKPIECE)])
+def test_one_that_gains_less_than_half_is_not_all(gain: float, best: tuple[str, str]) -> None:
+    """A tilted workpiece moves an image about as a camera does, from afar: followed to where that stands it gained 56
+    of 126, and the workpiece 1046 more."""
+    first = _stand(CAMERA, 100.0)
+    ends = {CAMERA: _stand(CAMERA, gain), WORKPIECE: _stand(WORKPIECE, 300.0)}
+    starts = {c: SimpleNamespace(hypothesis=SimpleNamespace(causes=(c,), score=100.0)) for c in ends}
+    search: Any = SimpleNamespace(
+        alone=lambda first: starts[CAMERA],
+        may_move=lambda best: False,
+        starts=lambda first: [starts[WORKPIECE]],
+        followed=lambda first, start, *rest: ends[start.hypothesis.causes[0]],
+    )
+    stands = _followed(search, first, False)
+    assert max(stands, key=lambda s: s.best.score).best.causes == (best,)
