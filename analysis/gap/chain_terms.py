@@ -49,10 +49,8 @@ REDUNDANT = {
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
 CROSS_STEP = 0.7  # px, of the step that a path's product is told by
-SHARED, OF_A_CHANNEL = (
-    0.7,
-    0.5,
-)  # of a tolerance, by all cameras; of a black level's, of each channel by itself
+SHARED = 0.7  # of a tolerance, by all cameras
+OF_A_CHANNEL = 0.5  # of a black level's, of each channel by itself
 OF_A_CAMERA = float(np.sqrt(1 - SHARED**2 - OF_A_CHANNEL**2))  # of a black level's, of each camera by itself
 DARK = "dark_current"  # of the black level
 SHADED = 0.5  # of its tolerance, that it may be uneven by: a guess, half of what may be wrong with all of it

@@ -124,7 +124,7 @@ class Diagnosis:
 def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
     effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
-    ``smallest`` (rms over the signal that an effect would be found from, ``easiest`` and ``hardest``; null: never),
+    ``smallest`` (severity that an effect would be found from, ``easiest`` and ``hardest``; null: never),
     ``tolerances_over_declared``, ``rehearsal``, ``left`` (of σ², away from edges), ``notes``."""
     g = d.gap
     return {

@@ -2,8 +2,8 @@
 
     s² = θ' M θ,      M = Σ_c X_c X_c' / n / (Σ_c signal / n)²
 
-The evidence weighs pixels by what is known of them, edges little: a principal point that is 0.15 px off is 4 % by this,
-and 1 % by weights.
+The evidence weighs pixels by what is known of them, edges little: a principal point that was to be found from 1.2 % on
+by its weights is from 3.7 % by this.
 """
 
 from collections.abc import Collection, Mapping

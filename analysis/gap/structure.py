@@ -9,9 +9,10 @@ In units of the sensor's variance of a condition's mean; 0 where nothing but noi
 
 No twin is exact: it is off by some 0.2 % of the signal (``SIGNAL``), which gives E = mean of (SIGNAL s)² / σ².
 Captures without any effect leave S_2 of E, more or less; what has a cause without a name leaves more. Nulls and right
-answers of a rehearsal set of 76 cases of five scenes (forms and errors by somebody else) left 0.2 to 2.4 times E, its
+answers of a rehearsal set of 76 cases of five scenes (forms and errors by somebody else) left 0.2 to 2.8 times E, its
 cases outside the catalogue 8 to 1300 times. From 4.1 times on it is called; it was 5.3 before channels had black levels
-and flat fields of their own, when nulls of three sealed sets left 0.35 to 3.4 times E and 31 such cases 3.0 to 395.
+and flat fields of their own, when nulls of three sealed sets left 0.35 to 3.4 times E and 31 such cases 3.0 to 395. On
+the sealed set 2026-11-25t, which came after, 19 nulls left 0.3 to 3.2 times E and 14 such cases 3.5 to 290.
 What effects that are strong leave by their formulas, ``FORMS`` of what they take off, is none of it.
 """
 
