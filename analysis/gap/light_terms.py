@@ -23,6 +23,12 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 # shares as the blind engine draws them (0.8 and 0.5), which was read before
 # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 GRAY = (0.8, 0.6)
+TINTED = 0.3  # of ambient light's radiance: how much more of a channel it has; rooms are lit white
+TINTS = {  # (R, G, B) of each of ambient light's numbers (interchange.effects.ambient_light)
+    "L": np.array([1, 1, 1], np.float32),
+    "red": np.array([1, -1, 0], np.float32),
+    "blue": np.array([0, -1, 1], np.float32),
+}
 COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
@@ -54,18 +60,13 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
             for n in lights
             for k, word in ((0, "red"), (2, "blue"))
         ]
+    ways = (("L", 1.0), ("red", TINTED), ("blue", TINTED)) if channels == 3 else (("L", 1.0),)
+    spike = SMOOTH * t.flat_field
     terms += [
-        Term(
-            "ambient_light",
-            "",
-            _channel(k, channels),
-            "W/(m^2 sr)",
-            SMOOTH * t.flat_field,
-            _ambient(k),
-            relative=True,
-        )
-        for k in range(channels)
-    ]
+        Term("ambient_light", "", word, "W/(m^2 sr)", spike, _ambient(word), True,
+             low=0.0 if word == "L" else -np.inf, part=part)
+        for word, part in ways
+    ]  # fmt: skip
     if any(c.shown.indirect for c in conditions):
         terms.append(
             Term(
@@ -185,12 +186,10 @@ def _gradient(name: str, axis: int) -> Field:
     return field
 
 
-def _ambient(k: int) -> Field:
+def _ambient(word: str) -> Field:
     def field(s: State) -> np.ndarray:
         column = s.per_radiance * s.channels(s.take(s.shown.ambient))
-        out = np.zeros_like(column)
-        out[..., k] = column[..., k]
-        return out
+        return np.asarray(column * TINTS[word]) if column.shape[-1] == 3 else column
 
     return field
 

@@ -182,7 +182,10 @@ def test_lamps_change_as_their_effects_say(scene):
     assert sum(coloured) == pytest.approx(6)
     with pytest.raises(BrightfieldError, match="negative"):
         LightSpectrum(red=-3).on_scene(scene)
-    assert AmbientLight(1, 2, 3).on_scene(scene).lights[-1].radiance == pytest.approx([1, 2, 3])
+    dome = AmbientLight(L=2, red=-1, blue=1).on_scene(scene).lights[-1]
+    assert dome.radiance == pytest.approx([1, 2, 3])
+    with pytest.raises(BrightfieldError, match="negative"):
+        AmbientLight(L=1, red=0.5, blue=0.6).on_scene(scene)
 
 
 def test_a_beam_falls_off_by_its_cosine_about_the_lamps_axis(scene):

@@ -22,7 +22,7 @@ CASES = [
     ("light_intensity", LAMP, {"scale": 1.07}),
     ("light_size", LAMP, {"spread": 3.0}),
     ("light_beam", "", {"m": 0.6}),
-    ("ambient_light", "", {"R": 0.2, "G": 0.3, "B": 0.4}),
+    ("ambient_light", "", {"L": 0.3, "red": -0.1, "blue": 0.1}),
     ("albedo", "/World/Materials/white", {"R": 1.05, "G": 0.97, "B": 0.9}),
     ("gloss", "/World/Materials/metal", {"width": 1.2, "level": 0.9}),
     ("lens_distortion", "", {"k1": -0.03, "k2": 0.01, "p1": 1e-3}),
