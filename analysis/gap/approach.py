@@ -34,6 +34,7 @@ TURNING = 8  # level from which on objects do not turn
 PARTS = (1.0, 0.4)  # of a step that are tried
 LONGER = (2.0, 4.0)  # times a step, as long as they are better
 NEAR = 0.5  # units, times the level: a shorter step is the next level's
+FINE = 2  # levels that two causes together are followed over
 CANDIDATES = 4  # causes that are followed: those that explain most where the scene stands as written
 FURTHEST = 15.0  # units that a number moves by at once, times the level: one and a half pixels of it
 DAMPING = 1e-2
@@ -61,34 +62,60 @@ class _Level:
 
 def approaches(search: "Search", causes: dict[Cause, np.ndarray]) -> list[Approach]:
     """Of those of ``causes`` {cause: its terms} that explain most, the nearest first."""
-    smallest = min((min(c.camera.sensor.resolution) for c in search.conditions), default=0)
-    levels = [_level(search, n) for n in LEVELS if n * LEAST <= smallest]
-    if not levels:
-        return []
+    levels = _levels(search)
     home = np.zeros(search.q)
+    gains = _gains(search, levels, causes, home)
+    found = []
+    for cause in sorted(gains, key=lambda c: -gains[c])[: CANDIDATES if levels else 0]:
+        found.append(_descended(search, levels, cause, causes[cause], home))
+        search.told("what moves", len(found) / CANDIDATES)
+    return sorted(found, key=lambda a: -a.gain)
+
+
+def approached_beside(search: "Search", causes: dict[Cause, np.ndarray], first: Approach) -> Approach | None:
+    """Which of ``causes`` explains most beside ``first``, both followed from where that ended, over fine levels
+    alone; None where there is none."""
+    levels = _levels(search)[-FINE:]
+    both = {
+        c: np.sort(np.concatenate([causes[first.cause], i])) for c, i in causes.items() if c != first.cause
+    }
+    gains = _gains(search, levels, both, first.at)
+    if not gains:
+        return None
+    cause = max(gains, key=lambda c: gains[c])
+    return _descended(search, levels, cause, both[cause], first.at)
+
+
+def _gains(
+    search: "Search", levels: Sequence[_Level], causes: dict[Cause, np.ndarray], at: np.ndarray
+) -> dict[Cause, float]:
+    """What a step of each explains where the scene stands ``at``, at the level where it is most."""
     gains = dict.fromkeys(causes, 0.0)
+    every = np.array(sorted({int(i) for index in causes.values() for i in index}))
     for level in levels:
-        every = np.array(sorted({int(i) for index in causes.values() for i in index}))
-        G, b, _ = _equations(search, level, every, home)
+        G, b, _ = _equations(search, level, every, at)
         for cause, index in causes.items():
             own = np.searchsorted(every, index)
             unit = _units(search, index)
             gain = float(b[own] @ _solved(G[np.ix_(own, own)], b[own], unit))
             gains[cause] = max(gains[cause], gain)
-    found = []
-    for cause in sorted(causes, key=lambda c: -gains[c])[:CANDIDATES]:
-        found.append(_descended(search, levels, cause, causes[cause]))
-        search.told("what moves", len(found) / CANDIDATES)
-    return sorted(found, key=lambda a: -a.gain)
+    return gains
 
 
-def _descended(search: "Search", levels: Sequence[_Level], cause: Cause, index: np.ndarray) -> Approach:
-    home = np.zeros(search.q)
+def _levels(search: "Search") -> list[_Level]:
+    smallest = min((min(c.camera.sensor.resolution) for c in search.conditions), default=0)
+    return [_level(search, n) for n in LEVELS if n * LEAST <= smallest]
+
+
+def _descended(
+    search: "Search", levels: Sequence[_Level], cause: Cause, index: np.ndarray, home: np.ndarray
+) -> Approach:
+    """From ``home``; of that is the gain."""
     at, gain, every = home, 0.0, index
     for level in levels:
         index = _sliding(search, every, level.n)
         before = now = _left(search, level, home)
-        if at.any() and (there := _left(search, level, at)) < before:
+        if at is not home and (there := _left(search, level, at)) < before:
             now = there
         else:
             at = home

@@ -119,13 +119,13 @@ def fit(
     chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > CLEAR * _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
+    far = search.far(chosen)
+    if redraw is not None and far:  # before tolerances look larger by what light does between surfaces
+        search = search.elsewhere(redraw(conditions, far))
+        first = search.stand(chosen.at, {}, "evidence", {})
+        chosen = search.gone_on(first, "fit anew")
     if chosen is not first:
         chosen = _rescaled(search, first, chosen)
-    far = search.far(chosen)
-    if redraw is not None and far:
-        search = search.elsewhere(redraw(conditions, far))
-        there = search.stand(chosen.at, {}, "evidence", {})
-        chosen = search.gone_on(there, "fit anew")
     return replace(_fit(search, chosen), redrawn=far, factors=search.widths.factors)
 
 
@@ -170,6 +170,10 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             stand = search.followed(first, start, what, stands)
         else:  # where it is all, or nearly, other starts are of a registration that hides it
             stand = search.followed(first, start, what, stands, 1)
+            both = search.beside(first, start, stand)
+            if both is not None:
+                two = search.followed(first, both, f"{what}, two things", stands, 1)
+                stand = two if two.is_its_own and two.best.score > stand.best.score else stand
             if clear(stand) and may_redraw and search.far(stand):
                 return [*stands, stand]  # the renderer goes on from there
             stand = search.gone_on(stand, what, stands)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.gap.approach import approaches
+from analysis.gap.approach import Approach, approached_beside, approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
@@ -35,6 +35,7 @@ PLACES = 10  # to a step where the scene may stand, so that renderings are found
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
+RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
 
 
@@ -153,11 +154,22 @@ class Search:
     def moves(self, first: Stand) -> list[Start]:
         """The causes that let something stand elsewhere, alone, the ``MOVES`` that come nearest to the captures.
         Registration without its cause hides each of them behind all the others."""
-        members = first.evidence.members
-        causes = {c: i for c, i in members.items() if self.moving(i)}
-        found = approaches(self, causes)[:MOVES]
+        found = approaches(self, self._moving(first))[:MOVES]
         nearest = [a for a in found if a.gain > RIVAL * found[0].gain]
         return [Start(first.evidence.best((a.cause,), {}), a.at) for a in nearest]
+
+    def beside(self, first: Stand, one: Start, stand: Stand) -> Start | None:
+        """Two things that stand elsewhere, as neither alone comes near to where it is: where ``stand``, which ``one``
+        led to, has another with a name beside it."""
+        (cause,) = one.hypothesis.causes
+        rigid = {c: i for c, i in self._moving(first).items() if c[0] in RIGID and c in stand.best.causes}
+        if cause not in rigid or len(rigid) < 2:
+            return None
+        found = approached_beside(self, rigid, Approach(cause, one.at, 0.0))
+        return None if found is None else Start(first.evidence.best((cause, found.cause), {}), found.at)
+
+    def _moving(self, stand: Stand) -> dict[Cause, np.ndarray]:
+        return {c: i for c, i in stand.evidence.members.items() if self.moving(i)}
 
     def starts(self, first: Stand) -> list[Start]:
         """The best one, pair and single, whose forms have not been in doubt yet; and the best without what the best
