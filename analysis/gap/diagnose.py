@@ -134,11 +134,13 @@ def diagnose(
     scale = temporal_scale(evened) or 1.0
     all_of_them, fitted, corrected, judged = stood(evened)
     shown_of_noise = with_noise(evened, corrected, judged)
+    forged: list[NoiseFinding] = []
     if shown_of_noise is not evened:  # weighed by the data sheet, it would be taken for what has no name
         anew = stood(shown_of_noise)
         if is_noise_of(anew[1], fitted):
             all_of_them, fitted, corrected, judged = anew
         else:
+            forged = [n for n in judged if n.name in WEIGHING and n.probability >= PRESENT]
             judged = [n for n in judged if n.name not in WEIGHING]
     v = verdict(fitted, all_of_them, corrected, judged, scale)
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
@@ -173,7 +175,7 @@ def diagnose(
         claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
         check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told)
-    told_of = notes(all_of_them, fitted, where, judged, left, lines)
+    told_of = notes(all_of_them, fitted, where, judged, forged, left, lines)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
     diagnosis = Diagnosis(

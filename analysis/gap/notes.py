@@ -21,14 +21,17 @@ def notes(
     fitted: Fit,
     where: Ledger,
     judged: Sequence[NoiseFinding],
+    forged: Sequence[NoiseFinding],
     left: dict[str, str],
     lines: Sequence[object],
 ) -> list[str]:
-    """``judged``: the effects of noise that were tried; ``left``: what the corrected scene does not carry, and why;
-    ``lines``: rows and columns that were taken out of the captures before."""
-    tried = {t.cause for t in fitted.terms} | {n.name for n in judged}
+    """``judged``: the effects of noise that were tried; ``forged``: those of them that were taken back; ``left``: what
+    the corrected scene does not carry, and why; ``lines``: rows and columns that were taken out of the captures before.
+    """
+    tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
     found = [
         *_refuted(fitted),
+        *(taken_back(n.name) for n in forged),
         *cautious(fitted),
         *_wider(fitted),
         *_apertures(fitted),
@@ -43,6 +46,13 @@ def notes(
     if missing:
         found.append(f"Not tried with these captures and this renderer: {', '.join(missing)}.")
     return found
+
+
+def taken_back(noise: str) -> str:
+    return (
+        f"Variances speak for {noise.replace('_', ' ')}; weighed by it, captures leave something else than it says, so "
+        f"it is taken back."
+    )
 
 
 def _refuted(fitted: Fit) -> list[str]:
