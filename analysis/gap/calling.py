@@ -85,14 +85,13 @@ def no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
 
 def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Without any cause where all that is called makes the held-out captures surely worse than the file at its best
-    does: what calibration may be off by was fitted beside them."""
+    does, or than the file as written: what calibration may be off by was fitted beside them."""
     kept = called(fitted)
     if not kept:
         return fitted
-    both = (each(model.simulated, held) for model in (fitted.before, fitted.after))
-    sums = by.blocks(*both)
-    off = sums[:, 2] - sums[:, 4]
-    if off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
+    written = [c.simulated().dn for c in held]
+    before, after = (each(model.simulated, held) for model in (fitted.before, fitted.after))
+    if not (_surely_worse(by, after, before) or _surely_worse(by, after, written)):
         return fitted
     nothing = fitted.best.of(())
     return replace(
@@ -129,13 +128,18 @@ def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) 
     """Where nothing is called: with the file as written at its best where the held-out captures are surely simulated
     better so than with what the others say of the calibration."""
     written = [c.simulated().dn for c in held]
-    sums = by.blocks(written, each(fitted.before.simulated, held))
-    off = sums[:, 2] - sums[:, 4]
-    if off.sum() >= -2 * float(np.std(off) * np.sqrt(len(off))):
+    if not _surely_worse(by, each(fitted.before.simulated, held), written):
         return fitted
     zero = np.zeros(len(fitted.terms))
     nothing = Model(fitted.terms, zero, zero, fitted.before.knots)
     return replace(fitted, before=nothing, after=nothing)
+
+
+def _surely_worse(by: Yardstick, one: Images, other: Images) -> bool:
+    """By more than twice the standard error of the difference by blocks."""
+    sums = by.blocks(other, one)
+    off = sums[:, 2] - sums[:, 4]
+    return bool(off.sum() < -2 * float(np.std(off) * np.sqrt(len(off))))
 
 
 def taken_off(by: Yardstick, before: Images, after: Images) -> float:

@@ -49,6 +49,7 @@ from analysis.gap.redrawn import redrawn
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, yardstick
+from analysis.gap.structure import twin_off
 from analysis.gap.sureness import TEMPERATURE, cooled
 from analysis.gap.terms import Term
 from analysis.gap.verdict import Simulations, verdict
@@ -142,7 +143,8 @@ def diagnose(
         else:
             forged = [n for n in judged if n.name in WEIGHING and n.probability >= PRESENT]
             judged = [n for n in judged if n.name not in WEIGHING]
-    v = verdict(fitted, all_of_them, corrected, judged, scale)
+    off = twin_off(captures.tolerances)
+    v = verdict(fitted, all_of_them, corrected, judged, scale, off)
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
     taken = attribution(fitted, held, v.by, v.shown.before, v.after, v.maps, told)
@@ -152,7 +154,7 @@ def diagnose(
     left_at = (
         shape_left(all_of_them, v.corrected) if max(fitted.left_over[1], v.structured) >= PRESENT else ""
     )
-    unknown = what_is_unknown(fitted, left_at, (v.times, v.structured))
+    unknown = what_is_unknown(fitted, left_at, (v.times, v.structured), off)
     rehearsal = None
     if rehearsals:
         fitted_to = [c for c in whole if not c.held_out]

@@ -135,11 +135,14 @@ def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFind
 
 
 def what_is_unknown(
-    fitted: Fit, shape: str = "in no shape known", structured: tuple[float, float] = (0.0, 0.0)
+    fitted: Fit,
+    shape: str = "in no shape known",
+    structured: tuple[float, float] = (0.0, 0.0),
+    off: float = SIGNAL,
 ) -> tuple[tuple[str, float], ...]:
     """Generic families that the evidence asks for, described by where their largest part lies; ``shape``: where what is
     left without a cause does; ``structured``: how many times as much of it has structure as is usual, and the
-    probability that it has a cause (analysis.gap.structure)."""
+    probability that it has a cause (analysis.gap.structure); ``off``: share of the signal that the twin is off by."""
     out = []
     for cause in fitted.best.causes:
         p = fitted.probability.get(cause, 0.0)
@@ -172,7 +175,7 @@ def what_is_unknown(
             out.append((f"something that no effect alone explains (nearest: {tried})", p))
     times, p = structured
     if p >= PRESENT and not out:
-        words = f"pixels 2 px apart share {times:.0f} times as much as a twin that is {100 * SIGNAL:.1f} % off leaves"
+        words = f"pixels 2 px apart share {times:.0f} times as much as a twin that is {100 * off:.1f} % off leaves"
         out.append((f"what is left away from edges is no noise: {words}, {shape}", p))
     return tuple(out)
 

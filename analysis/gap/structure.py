@@ -7,7 +7,9 @@ follows surfaces: pixels near each other share most of it. Away from edges,
 
 In units of the sensor's variance of a condition's mean; 0 where nothing but noise is left.
 
-No twin is exact: it is off by some 0.2 % of the signal (``SIGNAL``), which gives E = mean of (SIGNAL s)² / σ².
+No twin is exact: it is off by some 0.2 % of the signal (``SIGNAL``) where its flat field is declared to 0.3 %, as in
+all figures below, and by as much more as that is declared more coarsely: only waves of it are fitted, and what is finer
+stays. That gives E = mean of (off s)² / σ².
 Captures without any effect leave S_2 of E, more or less; what has a cause without a name leaves more. Nulls and right
 answers of a rehearsal set of 76 cases of five scenes (forms and errors by somebody else) left 0.2 to 2.8 times E, its
 cases outside the catalogue 8 to 1300 times. From 4.1 times on it is called; it was 5.3 before channels had black levels
@@ -27,7 +29,9 @@ from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import flat
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.parallel import each
+from interchange.captures import Tolerances
 
+FLAT = 0.003  # of a flat field's tolerance, up to which a twin is off by ``SIGNAL``
 STEPS = (1, 2, 4, 8)  # px
 FEWEST = 2000  # pairs of values of all conditions: their mean product is known to 0.02 of σ² or better
 AT = STEPS.index(2)  # a pixel further than what a lens or an interpolation shares
@@ -63,15 +67,22 @@ class Structure:
         return float(np.exp(x)), float(expit(odds))
 
 
-def structure(conditions: Sequence[Condition], simulated: Sequence[np.ndarray]) -> Structure | None:
-    """Of conditions whose expected DN are ``simulated``, (H, W, C) each; None where there is too little away from
-    edges to tell."""
+def twin_off(tolerances: Tolerances) -> float:
+    """What a twin is off by, over the signal."""
+    return SIGNAL * max(1.0, tolerances.flat_field / FLAT)
+
+
+def structure(
+    conditions: Sequence[Condition], simulated: Sequence[np.ndarray], off: float = SIGNAL
+) -> Structure | None:
+    """Of conditions whose expected DN are ``simulated``, (H, W, C) each, by a twin that is ``off`` by a share of the
+    signal; None where there is too little away from edges to tell."""
 
     def left(both: tuple[Condition, np.ndarray]) -> tuple[np.ndarray, tuple[float, float, float]]:
         c, dn = both
         s, w = flat(c, dn)
         z, count = (c.mean - dn) * np.sqrt(w), float((w > 0).sum())
-        return _near(z, w > 0), (float((z**2).sum()) - count, float((np.square(SIGNAL * s) * w).sum()), count)
+        return _near(z, w > 0), (float((z**2).sum()) - count, float((np.square(off * s) * w).sum()), count)
 
     found = each(left, list(zip(conditions, simulated, strict=True)))
     products, pairs = np.sum([near for near, _ in found], axis=0).T

@@ -12,6 +12,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.parallel import each
 from analysis.gap.pixel_map import PixelMaps, pixel_maps
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
@@ -52,11 +53,13 @@ def verdict(
     corrected: Sequence[np.ndarray],
     judged: Sequence[NoiseFinding],
     scale: float,
+    off: float = SIGNAL,
 ) -> Verdict:
-    """``corrected``: as ``fitted`` says so far. Causes that are not called leave, and what is left is looked at again,
-    until all that are left are called. Raises BrightfieldError where nothing can be compared."""
+    """``corrected``: as ``fitted`` says so far; ``off``: share of the signal that the twin is off by. Causes that are
+    not called leave, and what is left is looked at again, until all that are left are called. Raises BrightfieldError
+    where nothing can be compared."""
     held = [c for c in conditions if c.held_out]
-    told = partial(_told, conditions, judged, scale)
+    told = partial(_told, conditions, judged, scale, off)
     sure = borne_out(fitted, held, judged, scale)
     if sure.after is not fitted.after:
         corrected = each(sure.after.simulated, conditions)
@@ -89,6 +92,7 @@ def _told(
     conditions: Sequence[Condition],
     judged: Sequence[NoiseFinding],
     scale: float,
+    off: float,
     fitted: Fit,
     corrected: Sequence[np.ndarray],
 ) -> Verdict:
@@ -107,7 +111,7 @@ def _told(
             "No pixel of the held-out captures can be compared: all are masked or saturated."
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
-    left = structure(conditions, corrected)
+    left = structure(conditions, corrected, off)
     found = Verdict(fitted, corrected, after, by, maps, shown, shrunk, left, 0.0, 0.0)
     if left is None:
         return found

@@ -16,6 +16,7 @@ UNNAMED = ("fixed to places of the surface", "")
 
 def measured(capture: np.ndarray) -> Yardstick:
     condition = SimpleNamespace(captures=(SimpleNamespace(pixels=capture),))
+    condition.simulated = lambda: SimpleNamespace(dn=capture + 20 * SIGMA)  # as written: far off
     variance, ok = np.full(SHAPE, SIGMA**2), np.ones(SHAPE, bool)
     return Yardstick((condition,), (ok,), (variance,), (np.ones(SHAPE),))
 
@@ -101,6 +102,19 @@ def test_causes_that_make_it_worse_together_are_none(share: float, kept: bool) -
     assert found.refuted == (EFFECT, UNNAMED)
     assert found.probability == {EFFECT: 0.0, UNNAMED: 0.0}
     assert found.left_over == pytest.approx((0.3, 1.0), abs=0.01)
+
+
+def test_causes_that_are_worse_than_the_file_as_written_are_none() -> None:
+    """What was fitted beside them makes the file at its best worse still; as written it is 4 DN off, they 6."""
+    by, _, _ = claimed(1.0)
+    capture = by.conditions[0].captures[0].pixels
+    by.conditions[0].simulated = lambda: SimpleNamespace(dn=capture + 4)
+    fitted = standing(Standing(capture + 8), Standing(capture + 6), EFFECT)
+    found = upheld(fitted, by.conditions, by)
+    assert found.best.causes == ()
+    assert found.refuted == (EFFECT,)
+    by.conditions[0].simulated = lambda: SimpleNamespace(dn=capture + 7)
+    assert upheld(fitted, by.conditions, by) is fitted
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.9, True), (0.51, True), (0.3, False)])

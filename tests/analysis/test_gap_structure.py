@@ -8,7 +8,8 @@ import pytest
 from analysis.gap.conditions import Condition
 from analysis.gap.fixed_pattern import flat
 from analysis.gap.normal_equations import SIGNAL
-from analysis.gap.structure import AT, STEPS, Structure, structure
+from analysis.gap.structure import AT, STEPS, Structure, structure, twin_off
+from interchange.captures import Tolerances
 from tests.analysis.gap_bench import Rig, of_their_own
 
 Shown = tuple[list[Condition], list[np.ndarray], list[np.ndarray]]
@@ -88,6 +89,14 @@ def test_what_is_expected_is_the_square_of_what_a_twin_is_off_by(shown: Shown) -
     assert left.near[AT] - plain.near[AT] == pytest.approx(9 * left.expected, rel=0.15)
     assert left.unexplained(0.0)[1] > 0.5
     assert plain.unexplained(0.0)[1] < 0.1
+
+
+def test_a_flat_field_that_is_declared_more_coarsely_leaves_more(shown: Shown) -> None:
+    whole, expected, _ = shown
+    coarse = structure(whole, expected, twin_off(Tolerances(flat_field=0.012)))
+    assert coarse is not None
+    assert coarse.expected == pytest.approx(16 * told(whole, expected).expected)
+    assert twin_off(Tolerances(flat_field=0.001)) == SIGNAL
 
 
 def _left(times: float) -> Structure:

@@ -26,7 +26,7 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """σ² of structure that is left, one look after the other; what is looked at is simulated by nobody."""
     amounts: list[float] = []
 
-    def told(conditions, judged, scale, fitted: Fit, corrected) -> Verdict:
+    def told(conditions, judged, scale, off, fitted: Fit, corrected) -> Verdict:
         amount = amounts.pop(0)
         seen = SimpleNamespace(unnamed=lambda removed: amount)
         gap = SimpleNamespace(before=1.2, after=1.0)
