@@ -14,13 +14,15 @@ from interchange.parameter import parameters
 
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
 WHITE = 0.02  # of σ², from which on it is worth a word
+LEAST = 0.005  # of a gap, that is told as a share
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
 
 def sentence(d: Diagnosis) -> str:
     """The verdict in one sentence or two."""
     g = d.gap
-    closing = f"{100 * d.gap.explained:.0f} % of what can be closed on captures that nothing was fitted to"
+    share = f"{100 * d.gap.explained:.0f} %" if d.gap.explained >= LEAST else "nothing"
+    closing = f"{share} of what can be closed on captures that nothing was fitted to"
     match d.verdict:
         case "none":
             wider = [f"{n.replace('_', ' ')} {k:g} times" for n, k in d.over_declared.items() if k > 2]

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
-from analysis.gap.report_words import evidence, interval, what_is_left, why_not
+from analysis.gap.report_words import evidence, interval, sentence, what_is_left, why_not
 from analysis.gap.structure import Structure
 from interchange.effects import MODELS
 
@@ -31,6 +31,14 @@ def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: 
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.95, "closes 95 % of"), (-0.01, "closes nothing of")])
+def test_a_gap_does_not_close_by_less_than_nothing(share: float, said: str) -> None:
+    of = SimpleNamespace
+    effect = Finding("saturation", 0.99, {}, (), None, 3.6, 3.6, share)
+    d: Any = of(verdict="effects", gap=of(explained=share), effects=[effect])
+    assert said in sentence(d)
 
 
 def test_the_evidence_of_a_tie_is_that_for_one_of_them() -> None:
