@@ -74,9 +74,9 @@ class Finding:
 
     @property
     def tied(self) -> tuple[str, ...]:
-        """Rivals that may as well be there, in words, where it is but the likeliest."""
+        """Rivals that may as well be there, in words."""
         alike = (name for name, p in self.rivals if p > self.probability / TIED)
-        return tuple(name.replace("_", " ") for name in alike) if self.probability < PRESENT else ()
+        return tuple(name.replace("_", " ") for name in alike)
 
 
 @dataclass(frozen=True)

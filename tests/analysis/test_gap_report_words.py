@@ -46,11 +46,12 @@ def test_the_evidence_of_a_tie_is_that_for_one_of_them() -> None:
     scores = {"exposure": 10.0, "albedo": 9.8, "black_level": 10 - math.log(400)}
     h = [of(score=x, causes=((name, ""),)) for name, x in scores.items()]
     fit: Any = of(best=h[0], hypotheses=h)
-    rest: Any = ({}, (("albedo", 0.4),), None, 2.0, 1.0, 0.5)
-    words = evidence(fit, Finding("exposure", 0.45, *rest))
-    assert "for it or for albedo" in words
-    assert "400 times less likely" in words
-    assert "1 times less likely" in evidence(fit, Finding("exposure", 0.55, *rest))  # which is no tie
+    for p in (0.45, 0.55):
+        words = evidence(fit, Finding("exposure", p, {}, (("albedo", 0.4),), None, 2.0, 1.0, 0.5))
+        assert "for it or for albedo" in words
+        assert "400 times less likely" in words
+    surer = Finding("exposure", 0.55, {}, (("albedo", 0.1),), None, 2.0, 1.0, 0.5)
+    assert "1 times less likely" in evidence(fit, surer)  # which is no tie
 
 
 def test_what_tells_two_apart_is_said_by_the_one_that_knows_of_the_other() -> None:
@@ -62,12 +63,21 @@ def test_what_tells_two_apart_is_said_by_the_one_that_knows_of_the_other() -> No
 
 
 @pytest.mark.parametrize(
-    ("probability", "said"),
-    [(0.45, "white balance (or albedo) and defocus"), (0.7, "white balance and defocus")],
+    ("probability", "rival", "said"),
+    [
+        (0.45, 0.4, "white balance (or albedo) and defocus"),
+        (0.55, 0.4, "white balance (or albedo) and defocus"),
+        (0.8, 0.1, "white balance and defocus"),
+    ],
 )
-def test_what_is_the_likeliest_of_several_is_told_with_them(probability: float, said: str) -> None:
-    rest: Any = ({}, (("albedo", 0.4), ("color_crosstalk", 0.05)), None, 2.0, 1.0, 0.5)
-    both = [Finding("white_balance", probability, *rest), Finding("defocus", 0.9, *rest)]
+def test_what_is_the_likeliest_of_several_is_told_with_them(
+    probability: float, rival: float, said: str
+) -> None:
+    rivals = (("albedo", rival), ("color_crosstalk", 0.05))
+    both = [
+        Finding(name, p, {}, others, None, 2.0, 1.0, 0.5)
+        for name, p, others in (("white_balance", probability, rivals), ("defocus", 0.9, ()))
+    ]
     assert names(both) == said
 
 
