@@ -14,7 +14,7 @@ from interchange.parameter import parameters
 
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
 WHITE = 0.02  # of σ², from which on it is worth a word
-LEAST = 0.005  # of a gap, that is told as a share
+LEAST = 0.005  # of a gap, or a probability, that is told as one
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
 
@@ -128,8 +128,8 @@ def why(name: str) -> str:
 
 def why_not(fit: Fit, finding: Finding) -> list[str]:
     """One sentence or two for each effect that looks alike."""
-    chances = dict(finding.rivals)
-    alike = [*chances, *getattr(MODELS.get(finding.name), "confused_with", ())]
+    chances = {name: p for name, p in finding.rivals if p >= LEAST}
+    alike = [*dict(finding.rivals), *getattr(MODELS.get(finding.name), "confused_with", ())]
     out = []
     for rival in dict.fromkeys(alike):
         mark = why(rival)
