@@ -67,12 +67,34 @@ def uneven(plane: np.ndarray, sigma: float, slopes: Slopes, finer: int = 1) -> n
     next to a pixel's own, in which a blurred image is smooth."""
     variance = variances(plane.shape[:2], sigma, slopes)
     levels = _levels(float(variance.min()) ** 0.5, float(variance.max()) ** 0.5)
+    place = np.interp(variance, levels**2, np.arange(len(levels))).astype(np.float32)
     plane = np.ascontiguousarray(plane, np.float32)
     out = np.zeros(plane.shape, np.float32)
     for k, level in enumerate(levels):
-        share = np.interp(variance, levels**2, np.eye(len(levels))[k]).astype(np.float32)
-        out += share[..., None] * convolve(plane, gaussian(finer * float(level)))
+        share = np.maximum(1 - np.abs(place - np.float32(k)), 0)
+        if share.any():
+            kernel = gaussian(finer * float(level))
+            own, wider, within = _box(share > 0, len(kernel) // 2)
+            blurred = convolve(np.ascontiguousarray(plane[wider]), kernel)[within]
+            out[own] += share[own][..., None] * blurred
     return out
+
+
+Box = tuple[slice, slice]  # rows and columns
+
+
+def _box(there: np.ndarray, rim: int) -> tuple[Box, Box, Box]:
+    """What holds all of ``there`` (h, w) bool; that with the ``rim`` around it that a kernel needs; where the first is
+    in the second."""
+    own, wider, within = [], [], []
+    for axis in (0, 1):
+        (found,) = np.nonzero(there.any(axis=1 - axis))
+        low, high = int(found[0]), int(found[-1]) + 1
+        first = max(low - rim, 0)
+        own.append(slice(low, high))
+        wider.append(slice(first, min(high + rim, there.shape[axis])))
+        within.append(slice(low - first, high - first))
+    return (own[0], own[1]), (wider[0], wider[1]), (within[0], within[1])
 
 
 def _levels(low: float, high: float) -> np.ndarray:
@@ -85,7 +107,7 @@ def _levels(low: float, high: float) -> np.ndarray:
 
 def variances(shape: tuple[int, ...], sigma: float, slopes: Slopes) -> np.ndarray:
     """(h, w) px²."""
-    column, row = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
+    column, row = np.ogrid[: shape[0], : shape[1]][::-1]
     x, y = from_axis(column, row, (shape[1], shape[0]), slopes.axis)
     square = x**2 + y**2
     radial = slopes.corner * square + slopes.fourth * square**2
