@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.gap import knot_terms as knot_terms_of
-from analysis.gap.approach import approaches
+from analysis.gap.approach import approached_beside, approaches
 from analysis.gap.conditions import Condition, with_renderings
 from analysis.gap.fit import fit
+from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.knot_terms import knot_terms, standing, together
 from analysis.gap.knots import MANY, Knots
 from analysis.gap.model import Model
@@ -19,6 +20,7 @@ from analysis.gap.search import Search
 from analysis.gap.sensitivities import sensitivities
 from analysis.gap.state import State
 from interchange.captures import Tolerances
+from interchange.effects.camera_pose import CameraPose
 from interchange.effects.geometry import Geometry
 from interchange.effects.light_position import LightPosition
 from interchange.effects.object_pose import ObjectPose
@@ -208,6 +210,45 @@ def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) ->
     assert at["x"] == pytest.approx(far.x, abs=1.0)
     assert at["y"] == pytest.approx(far.y, abs=1.0)
     assert at["rz"] == pytest.approx(far.rz, abs=30)
+
+
+def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, rasterizer) -> None:
+    """By 4 px and 2 px. Alone the object goes a part of the camera's way too, 3.6 mm aside; beside it it comes to where
+    it lies within a quarter of a px."""
+    eye = found[0].camera.name
+    lies, stands = ObjectPose(x=8.0, y=-5.0), CameraPose(rx=-5.0, ry=4.0)
+    rng = np.random.default_rng(5)
+    captured = []
+    for c in found:
+        scene = stands.on_scene(lies.on_scene(c.scene, BRACKET), eye)
+        camera = next((x for x in scene.cameras if x.name == c.camera.name == eye), c.camera)
+        K = replace(c.camera, world_from_camera=camera.world_from_camera)
+        image = rasterizer.render(scene, K, samples=4 * MANY).pixels
+        model = State(c)
+        dn = model.simulation.dn + model.per_radiance * (image - model.radiance)
+        noise = np.sqrt(model.simulation.temporal) * rng.standard_normal(dn.shape)
+        captured.append(replace(c, mean=(dn + noise).astype(np.float32)))
+    t = Tolerances()
+    terms = (*geometry_terms(captured, t), *knot_terms(captured, t, knots))
+    search = Search(captured, terms, knots, lambda what, share: None)
+    members: dict[tuple[str, str], list[int]] = {}
+    for i, term in enumerate(terms):
+        if term.cause in ("object_pose", "camera_pose"):
+            members.setdefault(term.candidate, []).append(i)
+    causes = {c: np.array(i) for c, i in members.items()}
+    one = next(a for a in approaches(search, causes) if a.cause == ("object_pose", BRACKET))
+    both = approached_beside(search, causes, one)
+    assert both is not None
+    assert both.cause[0] == "camera_pose"
+    assert both.cause[1].startswith(eye)
+
+    def off(at: np.ndarray) -> float:
+        told = {terms[i].parameter: at[i] for i in members[one.cause]}
+        return float(np.hypot(told["x"] - lies.x, told["y"] - lies.y))
+
+    assert off(one.at) > 2
+    assert off(both.at) < 0.5
+    assert approached_beside(search, {one.cause: causes[one.cause]}, one) is None
 
 
 def test_an_image_too_small_for_means_has_nothing_to_approach(found, knots) -> None:
