@@ -10,6 +10,7 @@ from analysis.gap.attribution import CATALOGUED, Attribution
 from analysis.gap.attribution import called as causes_called
 from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
+from analysis.gap.evidence import ENOUGH, TAU
 from analysis.gap.fit import Fit, uncertainty
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding
@@ -166,7 +167,9 @@ def what_is_unknown(
     sure = bool(causes_called(fitted))
     larger = all(c in fitted.cautions and fitted.cautions[c].tail >= PRESENT for c in fitted.best.causes)
     nothing = float(fitted.probability_of_none)
-    if fitted.best.causes and not (sure or larger or out) and nothing < PRESENT:
+    none = max((h.score for h in fitted.hypotheses if not h.causes), default=-np.inf)
+    slight = fitted.best.score - none < ENOUGH / TAU  # what conditions disagree on besides
+    if fitted.best.causes and not (sure or larger or slight or out) and nothing < PRESENT:
         tried = ", ".join(sorted({c[0].replace("_", " ") for c in fitted.best.causes}))
         probable = uncalled(fitted.weighed, fitted.best)
         agreed = [fitted.cautions[c].something if c in fitted.cautions else 1.0 for c in fitted.best.causes]

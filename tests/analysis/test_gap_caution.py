@@ -253,6 +253,16 @@ def test_what_conditions_do_not_agree_on_is_unknown() -> None:
     ]
 
 
+@pytest.mark.parametrize(("gain", "told"), [(2.5, False), (4.0, True)])
+def test_what_is_slight_and_conditions_do_not_agree_on_is_nothing(gain: float, told: bool) -> None:
+    """2.5 nats are odds of 12 that it is not nothing."""
+    fitted = _fit(0.1, tail=0.0, most=0.1)
+    h = [replace(fitted.hypotheses[0], log_Z=gain), fitted.hypotheses[1]]
+    slight = replace(fitted, hypotheses=tuple(h))
+    assert slight.probability_of_none < 0.1
+    assert bool(what_is_unknown(slight)) == told
+
+
 def test_structure_of_what_is_left_is_unknown_where_nothing_nearer_is_told() -> None:
     calibrated = _fit(0.1, tail=0.9, most=1.0)  # nothing else is unknown
     assert what_is_unknown(calibrated, "in detail of 4 to 8 px", (3.0, 0.1)) == ()
