@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.left import EDGED, SMOOTH
+from analysis.gap.left import EDGED, SCATTERED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.subpixel_terms import PRODUCT, across, subpixel
 from analysis.gap.terms import NUISANCE, Field, Term
@@ -32,7 +32,10 @@ EDGES = (
     "motion_blur",
     "rolling_shutter",
 )  # of them, what changes edges
-WIDER = (*EDGES, "veiling_glare")  # every lens scatters some light, which no data sheet tells
+SHARES = {
+    **dict.fromkeys(EDGES, EDGED),
+    "veiling_glare": SCATTERED,
+}  # of the flat field's tolerance; else SMOOTH
 MINOR = {
     "red_u": 0.2,
     "red_v": 0.2,
@@ -94,7 +97,7 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                     parameter=parameter,
                     unit=about.unit,
                     form=len(steady) > 1,
-                    spike=absolute.get(name, tolerances.flat_field * (EDGED if name in WIDER else SMOOTH)),
+                    spike=absolute.get(name, tolerances.flat_field * SHARES.get(name, SMOOTH)),
                     field=field,
                     relative=name not in absolute,
                     power=power,
