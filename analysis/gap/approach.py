@@ -79,9 +79,9 @@ def approached_beside(search: "Search", causes: dict[Cause, np.ndarray], first: 
     both = {
         c: np.sort(np.concatenate([causes[first.cause], i])) for c, i in causes.items() if c != first.cause
     }
-    gains = _gains(search, levels, both, first.at)
-    if not gains:
+    if not levels or not both:
         return None
+    gains = _gains(search, levels, both, first.at)
     cause = max(gains, key=lambda c: gains[c])
     return _descended(search, levels, cause, both[cause], first.at)
 

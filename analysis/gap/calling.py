@@ -136,7 +136,7 @@ def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) 
 
 
 def _surely_worse(by: Yardstick, one: Images, other: Images) -> bool:
-    """By more than twice the standard error of the difference by blocks."""
+    """Whether ``one`` leaves more of the captures than ``other``, by twice the standard error (of blocks)."""
     sums = by.blocks(other, one)
     off = sums[:, 2] - sums[:, 4]
     return bool(off.sum() < -2 * float(np.std(off) * np.sqrt(len(off))))

@@ -26,16 +26,13 @@ NAMED = (
     "vignetting", "defocus", "lateral_chromatic_aberration", "veiling_glare", "motion_blur", "black_level",
     "exposure", "response_curve", "white_balance", "color_crosstalk", "rolling_shutter",
 )  # fmt: skip  # of the file contract's names, those of the chain that change the mean
-EDGES = (
-    "defocus",
-    "lateral_chromatic_aberration",
-    "motion_blur",
-    "rolling_shutter",
-)  # of them, what changes edges
-SHARES = {
-    **dict.fromkeys(EDGES, EDGED),
+SHARES = {  # of the flat field's tolerance; else SMOOTH
+    "defocus": EDGED,
+    "lateral_chromatic_aberration": EDGED,
+    "motion_blur": EDGED,
+    "rolling_shutter": EDGED,
     "veiling_glare": SCATTERED,
-}  # of the flat field's tolerance; else SMOOTH
+}
 MINOR = {
     "red_u": 0.2,
     "red_v": 0.2,

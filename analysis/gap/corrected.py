@@ -95,7 +95,7 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
         channels = {"R": change.values["Y"], "G": change.values["Y"], "B": change.values["Y"]} if (
             "Y" in change.values
         ) else change.values  # fmt: skip
-        effect = model(**_within(model, channels))
+        effect = model(**model.within(channels))
         if isinstance(effect, Anisotropy):
             if abs(np.sin(2 * effect.grain)) > STRAIGHT:
                 raise BrightfieldError("No number of a scene file says which way a grain runs.")
@@ -127,7 +127,7 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
             given[n] = x if start is None else getattr(own, n) + x - start[n]
     if not given and DARK not in change.values:
         return camera
-    effect = replace(own, **_within(model, given))  # type: ignore[type-var]
+    effect = replace(own, **model.within(given))  # type: ignore[type-var]
     if isinstance(effect, Defocus) and start is not None and CORNER in change.values:
         more = change.values[CORNER] - start[CORNER]
         if abs(more) > ALIKE * effect.blur**2:
@@ -173,12 +173,6 @@ def _filling_up(camera: Camera, change: Change) -> Camera:
     if (np.diff(y) < 0).any():
         raise BrightfieldError("A response that falls again is none of a sensor's.")
     return replace(camera, sensor=replace(s, response=Response.LUT, response_lut=tuple(map(float, y))))
-
-
-def _within(model: type[Effect], values: dict[str, float]) -> dict[str, float]:
-    """Those of ``values`` that the effect has, within their bounds."""
-    about = parameters(model)
-    return {n: float(np.clip(x, about[n].low, about[n].high)) for n, x in values.items() if n in about}
 
 
 def _stands_elsewhere(change: Change, scene: Scene) -> bool:

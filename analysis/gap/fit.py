@@ -32,8 +32,10 @@ from analysis.gap.radiance import Changes
 from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares, told_apart
-from analysis.gap.search import Search, Stand, Told
+from analysis.gap.search import Search, Told
+from analysis.gap.sensitivities import Sensitivities
 from analysis.gap.severity import severities
+from analysis.gap.stand import Stand
 from analysis.gap.terms import Cause, Term
 from interchange.captures import Tolerances
 
@@ -119,13 +121,12 @@ def fit(
     chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > CLEAR * _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
-    far = search.far(chosen)
+    far, kept = search.far(chosen), first.kept
     if redraw is not None and far:  # before tolerances look larger by what light does between surfaces
         search = search.elsewhere(redraw(conditions, far))
-        first = search.stand(chosen.at, {}, "evidence", {})
-        chosen = search.gone_on(first, "fit anew")
+        chosen, kept = search.gone_on(search.stand(chosen.at, {}, "evidence", {}), "fit anew"), {}
     if chosen is not first:
-        chosen = _rescaled(search, first, chosen)
+        chosen = _rescaled(search, kept, chosen)
     return replace(_fit(search, chosen), redrawn=far, factors=search.widths.factors)
 
 
@@ -134,15 +135,16 @@ def _gain(stand: Stand) -> float:
     return stand.best.score - next(h for h in stand.hypotheses if not h.causes).score
 
 
-def _rescaled(search: Search, first: Stand, chosen: Stand) -> Stand:
-    """The stand with tolerances as large as they look from there, followed where that makes other causes of it."""
+def _rescaled(search: Search, kept: dict[str, Sensitivities], chosen: Stand) -> Stand:
+    """The stand with tolerances as large as they look from there, followed where that makes other causes of it.
+    ``kept``: sensitivities where nothing stands elsewhere, as far as they are known."""
     stand = search.scaled(chosen)
     if stand.best.causes and stand.best.causes != chosen.best.causes:
         stand = search.gone_on(stand, "fit again")
     stand = search.averaged(stand)
     if stand.best.causes or not stand.evidence.in_force:
         return stand
-    return search.averaged(search.stand(search.registered(), {}, "evidence", first.kept))
+    return search.averaged(search.stand(search.registered(), {}, "evidence", kept))
 
 
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:

@@ -16,6 +16,7 @@ from analysis.gap.radiance import weighted
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from interchange.captures import Tolerances
+from interchange.effects.ambient_light import AmbientLight
 from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
@@ -24,11 +25,6 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 GRAY = (0.8, 0.6)
 TINTED = 0.3  # of ambient light's radiance: how much more of a channel it has; rooms are lit white
-TINTS = {  # (R, G, B) of each of ambient light's numbers (interchange.effects.ambient_light)
-    "L": np.array([1, 1, 1], np.float32),
-    "red": np.array([1, -1, 0], np.float32),
-    "blue": np.array([0, -1, 1], np.float32),
-}
 COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
@@ -189,7 +185,8 @@ def _gradient(name: str, axis: int) -> Field:
 def _ambient(word: str) -> Field:
     def field(s: State) -> np.ndarray:
         column = s.per_radiance * s.channels(s.take(s.shown.ambient))
-        return np.asarray(column * TINTS[word]) if column.shape[-1] == 3 else column
+        tint = np.array(AmbientLight(**{word: 1.0}).channels, np.float32)
+        return np.asarray(column * tint) if column.shape[-1] == 3 else column
 
     return field
 

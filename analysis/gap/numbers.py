@@ -11,7 +11,8 @@ from analysis.gap import lens_flow
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import total_of
-from analysis.gap.search import FOLLOWED, Search, Stand
+from analysis.gap.search import FOLLOWED, Search
+from analysis.gap.stand import Stand
 from analysis.gap.terms import Cause
 
 ROUNDS = 3

@@ -6,7 +6,8 @@ one that lies higher have one upper edge. Where one of them stands, the other ca
 
 import numpy as np
 
-from analysis.gap.search import MOVES, RIVAL, Search, Stand, Start
+from analysis.gap.search import MOVES, RIVAL, Search
+from analysis.gap.stand import Stand, Start
 
 DAMPING = 1e-3  # of what numbers of one cause tell alike
 

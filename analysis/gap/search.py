@@ -5,7 +5,7 @@ where a hypothesis has them (Gauss-Newton), and all is linearised anew there.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes
 from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
+from analysis.gap.stand import Stand, Start
 from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Cause, Term, added
 from interchange.problems import BrightfieldError
@@ -37,36 +38,6 @@ FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are dr
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
 SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
-
-
-@dataclass(frozen=True, eq=False)
-class Stand:
-    """The evidence where a hypothesis stands. The first ``q`` terms of ``terms`` are every stand's, forms follow."""
-
-    terms: tuple[Term, ...]
-    at: np.ndarray
-    evidence: Evidence
-    parts: tuple[NormalEquations, ...]
-    hypotheses: tuple[Hypothesis, ...]
-    kept: dict[str, Sensitivities]  # by the condition's name
-
-    @property
-    def best(self) -> Hypothesis:
-        return self.hypotheses[0]
-
-    @property
-    def is_its_own(self) -> bool:
-        """Whether the best hypothesis has the causes whose forms are in doubt here: one without them has their doubt
-        for nothing, and its log Z is not to be compared with another stand's."""
-        return set(self.evidence.in_force) <= set(self.best.causes)
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A hypothesis and where (q,) it is followed from."""
-
-    hypothesis: Hypothesis
-    at: np.ndarray
 
 
 class Search:

@@ -25,6 +25,7 @@ look alike, and the one more capture that tells it from them.
 read into the effect and written back through it.
 """
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Self
@@ -34,7 +35,7 @@ import numpy as np
 from interchange.camera import Camera
 from interchange.image import Image
 from interchange.local import Local
-from interchange.parameter import freeze
+from interchange.parameter import freeze, parameters
 from interchange.scene import Scene
 
 
@@ -71,6 +72,12 @@ class Effect:
     def name(cls) -> str:
         """What scene and diagnosis files call it: its file's name."""
         return cls.__module__.rsplit(".", 1)[-1]
+
+    @classmethod
+    def within(cls, values: Mapping[str, float]) -> dict[str, float]:
+        """Those of ``values`` that it has, as near as may be."""
+        about = parameters(cls)
+        return {n: min(max(x, about[n].low), about[n].high) for n, x in values.items() if n in about}
 
     @property
     def is_there(self) -> bool:

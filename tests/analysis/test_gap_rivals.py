@@ -8,7 +8,8 @@ import pytest
 from analysis.gap.evidence import Evidence
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.rivals import beside_rivals, rivals
-from analysis.gap.search import Search, Stand
+from analysis.gap.search import Search
+from analysis.gap.stand import Stand
 from analysis.gap.terms import Term
 
 POSE, HEIGHT, LAMP, GAIN = (

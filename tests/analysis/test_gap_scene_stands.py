@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.gap import knot_terms as knot_terms_of
-from analysis.gap.approach import approached_beside, approaches
+from analysis.gap.approach import Approach, approached_beside, approaches
 from analysis.gap.conditions import Condition, with_renderings
 from analysis.gap.fit import fit
 from analysis.gap.geometry_terms import geometry_terms
@@ -222,8 +222,8 @@ def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, ra
     for c in found:
         scene = stands.on_scene(lies.on_scene(c.scene, BRACKET), eye)
         camera = next((x for x in scene.cameras if x.name == c.camera.name == eye), c.camera)
-        K = replace(c.camera, world_from_camera=camera.world_from_camera)
-        image = rasterizer.render(scene, K, samples=4 * MANY).pixels
+        moved = replace(c.camera, world_from_camera=camera.world_from_camera)
+        image = rasterizer.render(scene, moved, samples=4 * MANY).pixels
         model = State(c)
         dn = model.simulation.dn + model.per_radiance * (image - model.radiance)
         noise = np.sqrt(model.simulation.temporal) * rng.standard_normal(dn.shape)
@@ -255,7 +255,10 @@ def test_an_image_too_small_for_means_has_nothing_to_approach(found, knots) -> N
     eye = cropped(found[0].camera, slice(0, 6), slice(0, 40))
     tiny = replace(found[0], camera=eye)
     search = Search([tiny], tuple(knot_terms(found, Tolerances(), knots)), knots, lambda what, share: None)
-    assert approaches(search, {("object_pose", BRACKET): np.array([0])}) == []
+    causes = {("object_pose", BRACKET): np.array([0]), ("camera_pose", eye.name): np.array([1])}
+    assert approaches(search, causes) == []
+    first = Approach(("object_pose", BRACKET), np.zeros(search.q), 0.0)
+    assert approached_beside(search, causes, first) is None
 
 
 @pytest.mark.parametrize("size", [0.98, 1.02])

@@ -184,6 +184,10 @@ def test_lamps_change_as_their_effects_say(scene):
         LightSpectrum(red=-3).on_scene(scene)
     dome = AmbientLight(L=2, red=-1, blue=1).on_scene(scene).lights[-1]
     assert dome.radiance == pytest.approx([1, 2, 3])
+    near = AmbientLight(**AmbientLight.within({"L": 1.0, "red": 2.1, "blue": -1.05}))  # red alone, and noise
+    assert near.channels == pytest.approx([3.1, 0, 0])
+    assert near.on_scene(scene).lights[-1].radiance == pytest.approx([3.1, 0, 0])
+    assert AmbientLight.within({"L": -1.0}) == {"L": 0.0}
     with pytest.raises(BrightfieldError, match="negative"):
         AmbientLight(L=1, red=0.5, blue=0.6).on_scene(scene)
 
