@@ -31,8 +31,9 @@ SHARES = {  # of the flat field's tolerance; else SMOOTH
     "lateral_chromatic_aberration": EDGED,
     "motion_blur": EDGED,
     "rolling_shutter": EDGED,
-    "veiling_glare": SCATTERED,
+    "veiling_glare": EDGED,
 }
+LEAST = {"veiling_glare": SCATTERED}  # of the signal
 MINOR = {
     "red_u": 0.2,
     "red_v": 0.2,
@@ -94,7 +95,9 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                     parameter=parameter,
                     unit=about.unit,
                     form=len(steady) > 1,
-                    spike=absolute.get(name, tolerances.flat_field * SHARES.get(name, SMOOTH)),
+                    spike=absolute.get(
+                        name, max(tolerances.flat_field * SHARES.get(name, SMOOTH), LEAST.get(name, 0.0))
+                    ),
                     field=field,
                     relative=name not in absolute,
                     power=power,

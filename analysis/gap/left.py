@@ -13,7 +13,9 @@ import numpy as np
 SMOOTH = 1 / 12  # an effect that is smooth over the image
 LAMP = 1 / 3  # a lamp's beam, which is measured as a flat field is
 EDGED = 1 / 4  # one that changes edges
-SCATTERED = 1 / 2  # light that a lens scatters, which every lens does and no data sheet tells
+SCATTERED = (
+    0.0015  # of the signal, not of a flat field's: what every lens scatters at least and no data sheet tells
+)
 REFLECTED = 1 / 4  # light by way of other surfaces, which path tracers leave noise in
 UNNAMED = 1 / 24  # a family that no calibration looks at
 
