@@ -28,6 +28,17 @@ def weighted_sum(pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 @compiled
+def add_share(out: np.ndarray, pixels: np.ndarray, place: np.ndarray, k: int) -> None:
+    """``out`` (r, w, C) += (1 - |place - k|) of ``pixels`` (r or more, w or more, C), where that is above nothing."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            share = np.float32(1) - abs(place[i, j] - np.float32(k))
+            if share > 0:
+                for c in range(out.shape[2]):
+                    out[i, j, c] += share * pixels[i, j, c]
+
+
+@compiled
 def transformed(pixels: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """(r, w, 3) -> matrix (3, 3) @ pixel + offset (3,), float32."""
     out = np.empty_like(pixels)

@@ -7,17 +7,20 @@ with a variance of its square over 16.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from interchange.bands import BAND, each_band
 from interchange.camera import Camera
 from interchange.effects.base import Effect, Stage
-from interchange.filtering import convolve, gaussian
+from interchange.filtering import convolve_at_once, gaussian
 from interchange.image import Image
 from interchange.parameter import parameter
 
 APART = 0.15  # px, and of the blur, between two blurs that what lies between is a mean of: 0.3 % of an edge at most
+TILE = 192  # px: few of the blurs are in one, and what a kernel needs around it is little beside it
 
 
 class Slopes(NamedTuple):
@@ -65,36 +68,36 @@ class UnevenBlur(Effect):
 def uneven(plane: np.ndarray, sigma: float, slopes: Slopes, finer: int = 1) -> np.ndarray:
     """(h, w, C) of the whole image, on a grid ``finer`` times finer than the sensor's: means of blurs of the variances
     next to a pixel's own, in which a blurred image is smooth."""
-    variance = variances(plane.shape[:2], sigma, slopes)
-    levels = _levels(float(variance.min()) ** 0.5, float(variance.max()) ** 0.5)
-    place = np.interp(variance, levels**2, np.arange(len(levels))).astype(np.float32)
+    from interchange import kernels  # Numba comes with it
+
     plane = np.ascontiguousarray(plane, np.float32)
+    levels, place = _placed(plane.shape[:2], sigma, slopes)
     out = np.zeros(plane.shape, np.float32)
-    for k, level in enumerate(levels):
-        share = np.maximum(1 - np.abs(place - np.float32(k)), 0)
-        if share.any():
-            kernel = gaussian(finer * float(level))
-            own, wider, within = _box(share > 0, len(kernel) // 2)
-            blurred = convolve(np.ascontiguousarray(plane[wider]), kernel)[within]
-            out[own] += share[own][..., None] * blurred
+
+    def work(start: int, stop: int) -> None:
+        for left in range(0, plane.shape[1], TILE):
+            tile = slice(start, stop), slice(left, left + TILE)
+            own = place[tile]
+            for k in range(int(own.min()), int(np.ceil(own.max())) + 1):
+                kernel = gaussian(finer * float(levels[k]))
+                rim = len(kernel) // 2
+                rows = slice(max(start - rim, 0), stop + rim)
+                columns = slice(max(left - rim, 0), left + TILE + rim)
+                wider = convolve_at_once(np.ascontiguousarray(plane[rows, columns]), kernel)
+                within = wider[start - rows.start :, left - columns.start :]
+                kernels.add_share(out[tile], within, own, k)
+
+    each_band(work, plane.shape[0], BAND // TILE)
     return out
 
 
-Box = tuple[slice, slice]  # rows and columns
-
-
-def _box(there: np.ndarray, rim: int) -> tuple[Box, Box, Box]:
-    """What holds all of ``there`` (h, w) bool; that with the ``rim`` around it that a kernel needs; where the first is
-    in the second."""
-    own, wider, within = [], [], []
-    for axis in (0, 1):
-        (found,) = np.nonzero(there.any(axis=1 - axis))
-        low, high = int(found[0]), int(found[-1]) + 1
-        first = max(low - rim, 0)
-        own.append(slice(low, high))
-        wider.append(slice(first, min(high + rim, there.shape[axis])))
-        within.append(slice(low - first, high - first))
-    return (own[0], own[1]), (wider[0], wider[1]), (within[0], within[1])
+@lru_cache(maxsize=2)
+def _placed(shape: tuple[int, int], sigma: float, slopes: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    """Rms blurs (k,) px, and where between them each pixel is, (h, w)."""
+    variance = variances(shape, sigma, slopes)
+    levels = _levels(float(variance.min()) ** 0.5, float(variance.max()) ** 0.5)
+    place = np.interp(variance, levels**2, np.arange(len(levels)))
+    return levels, place.astype(np.float32)
 
 
 def _levels(low: float, high: float) -> np.ndarray:

@@ -18,6 +18,7 @@ from analysis.gap.radiance import FINE, Rendered, means, pixels, single
 from interchange.filtering import resample
 
 KEPT = 6  # views, of which each has its neighbours
+MOST_FINER = 400e6  # bytes of finer grids that are kept beside the last one
 Way = tuple[int, int]  # columns and rows, in steps of the finer grid
 HERE = (0, 0)
 ACROSS = [(1, 0), (-1, 0), (0, 1), (0, -1)]
@@ -40,6 +41,7 @@ class Views:
     ) -> None:
         self.base, self.flow, self.changes, self.blur, self.reflected = base, flow, changes, blur, reflected
         self._beside: dict[Way, Rendered] = {}
+        self._wider: dict[str, np.ndarray] | None = None
         self._drawing = RLock()  # conditions that share it wait for what another draws
 
     @property
@@ -58,6 +60,8 @@ class Views:
         with self._drawing:
             if way not in self._beside:
                 self._beside |= self._finely(ACROSS if way in ACROSS else DIAGONAL)
+                if len(self._beside) == len(ACROSS) + len(DIAGONAL):
+                    self.forget_finer()  # nothing is left to be asked for
             return self._beside[way]
 
     @own_property
@@ -83,15 +87,9 @@ class Views:
 
     def _finely(self, ways: list[Way]) -> dict[Way, Rendered]:
         w, h = self.base.camera.sensor.resolution
-        n = next(iter(self.base.fine.values())).shape[0] // h
-        wider = {}
-        place = None if self.flow is None else _places(self.flow, n)
-        for name, plane in self.base.fine.items():
-            there = single(plane)
-            if place is not None:
-                there = _resampled(there, place)
-            there = blurred(there, self.blur, n)
-            wider[name] = cv2.copyMakeBorder(there, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        n = self._times_finer
+        self._wider = wider = self._wider or self._finer()
+        _keep_finer(self)
         base = self._moved()
         return {
             (u, v): self._changed(
@@ -106,6 +104,29 @@ class Views:
             )
             for u, v in ways
         }
+
+    @property
+    def _times_finer(self) -> int:
+        return next(iter(self.base.fine.values())).shape[0] // self.base.camera.sensor.resolution[1]
+
+    def _finer(self) -> dict[str, np.ndarray]:
+        """Of each lamp the finer grid, moved and blurred, with a step of it around."""
+        n = self._times_finer
+        place = None if self.flow is None else _places(self.flow, n)
+        found = {}
+        for name, plane in self.base.fine.items():
+            there = single(plane)
+            if place is not None:
+                there = _resampled(there, place)
+            found[name] = cv2.copyMakeBorder(blurred(there, self.blur, n), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        return found
+
+    @property
+    def bytes_of_finer(self) -> int:
+        return sum(plane.nbytes for plane in (self._wider or {}).values())
+
+    def forget_finer(self) -> None:
+        self._wider = None
 
     def _moved(self) -> Rendered:
         """What has no finer grid."""
@@ -146,6 +167,15 @@ def seen(
 
 _kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur, float], Views] = OrderedDict()
 _keeping = Lock()
+_finer: list[Views] = []  # whose finer grids are kept, the last ones
+
+
+def _keep_finer(views: Views) -> None:
+    """As what lies beside is asked for next, in most cases."""
+    with _keeping:
+        _finer[:] = [x for x in _finer if x is not views] + [views]
+        while len(_finer) > 1 and sum(x.bytes_of_finer for x in _finer) > MOST_FINER:
+            _finer.pop(0).forget_finer()
 
 
 def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:
