@@ -31,7 +31,9 @@ WIDE = 0.2  # relative error of a gain that is off
 LEAST_READ = 0.5  # e-, error of a read noise that is small
 LINEAR = 0.7  # of saturation, up to which the standard takes the line whose slope is K
 LEVELS = 24  # of brightness that variances are put together by
-DITHER = 0.5  # of a step from code to code: less noise does not hide it, and its rounding is not 1/12 of its square
+DITHER = (
+    0.6  # of a step from code to code: rounding adds 1/12 of its square to more noise, wherever the mean lies
+)
 
 
 def noise_findings(
@@ -97,7 +99,8 @@ def with_black_level(conditions: Sequence[Condition], off: Mapping[str, float]) 
 def sensor_noise(
     conditions: Sequence[Condition], simulations: Sequence[np.ndarray], offset: float = 0.0
 ) -> NoiseFinding | None:
-    """None without repeats, and where noise does not grow with the light (denoised images): photons tell no gain there.
+    """None without repeats, where noise does not grow with the light (denoised images), and where what there is of
+    light and of codes does not tell it: photons tell no gain there.
     ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or none; either is that
     offset's."""
     rows = [
@@ -121,7 +124,7 @@ def sensor_noise(
         light, measured - theta[1] * still, sd, light <= LINEAR * sheet.full_well * still
     )
     covariance *= max(square / covariance[0, 0], 1.0)
-    if theta[0] <= 0:
+    if theta[0] <= 0 or covariance[0, 0] > WIDE**2:
         return None
     gain, square = float(theta[0]), float(theta[1] / theta[0] ** 2)
     turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
@@ -165,8 +168,8 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
     drift = float(np.var(whole, ddof=1))  # of the light from repeat to repeat: no noise, as EMVA 1288 has it
     measured = c.spread[ok].reshape(-1) - drift - c.step**2 / 12
     order = np.argsort(simulation[ok].reshape(-1), kind="stable")
-    hidden = light + still * c.camera.sensor.read_noise**2 >= (DITHER * c.step) ** 2 if c.step > 1 else None
-    parts = [i for i in np.array_split(order, LEVELS) if len(i) and (hidden is None or hidden[i].all())]
+    dithered = light + still * c.camera.sensor.read_noise**2 >= (DITHER * c.step) ** 2
+    parts = [i for i in np.array_split(order, LEVELS) if len(i) and dithered[i].all()]
     degrees = len(c.captures) - 1
     return [
         (float(light[i].mean()), float(still[i].mean()), float(measured[i].mean()), degrees * len(i))
