@@ -242,8 +242,8 @@ def test_fewer_levels_are_no_sensor_noise(step: int) -> None:
 
 @pytest.mark.parametrize("power", [1.0, 0.3, 0.1, 0.05])
 def test_the_dark_in_8_bit_files_is_no_sensor_noise(power: float) -> None:
-    """A read noise of 0.13 of their step: in the dark, which at 0.1 of the light is nearly all there is, repeats jump by
-    a whole step or by none, wherever between two codes the black level is."""
+    """A read noise of 0.13 of their step: in the dark, which at 0.1 of the light is nearly all, repeats jump by a whole
+    step or by none, wherever between two codes the black level is."""
     for seed, black in enumerate((64.0, 68.0, 72.0)):
         sheet = replace(SHEET, output_bit_depth=8, black_level=black)
         told = sensor_noise(*_rig(seed, sheet=sheet, repeats=4, power=power))
