@@ -27,6 +27,7 @@ SLOWEST, COLORED = (
 )  # cosines of what channels' flat fields differ by, and how much of the tolerance that is
 UNEVEN = 0.5  # of an albedo's tolerance: how uneven a surface may be that is right on the whole
 PERIODS = 3  # of stripes that are tried
+DARK = 1e-3  # DN above black of a whole image that shows nothing
 AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 
 FACTOR, OFFSET = "fixed to the image, multiplicative", "fixed to the image, additive"
@@ -137,15 +138,18 @@ def _mirrored(axes: tuple[int, ...]) -> Field:
     return lambda s: s.take(np.flip(s.simulation.dn - s.simulation.black, axes))
 
 
-def _surroundings(s: State) -> np.ndarray:
+def _surroundings(s: State) -> np.ndarray | None:
     whole = np.ascontiguousarray(s.simulation.dn - s.simulation.black, np.float32)
+    mean = float(whole.mean())
+    if mean < DARK:
+        return None
     h, w, channels = whole.shape
     sigma = AROUND * w
     n = max(1, int(sigma / 5))  # so much coarser a grid tells as well
     small = cv2.resize(whole, (max(w // n, 1), max(h // n, 1)), interpolation=cv2.INTER_AREA)
     small = cv2.GaussianBlur(small, (0, 0), sigma / n)
     wide = cv2.resize(small, (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, w, channels)
-    return s.signal * (s.take(wide) / max(float(whole.mean()), 1e-9) - 1)
+    return s.signal * (s.take(wide) / mean - 1)
 
 
 def _sharper(s: State) -> np.ndarray:

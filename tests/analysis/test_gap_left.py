@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from analysis.gap.evidence import Evidence
-from analysis.gap.generic_terms import DRIFTS, generic_terms
+from analysis.gap.generic_terms import DRIFTS, _surroundings, generic_terms
 from analysis.gap.left import falling
 from analysis.gap.material_terms import matte_share
 from analysis.gap.normal_equations import NormalEquations
@@ -63,3 +64,14 @@ def test_the_share_of_a_body_colour() -> None:
     wi = np.stack([r * np.cos(p), r * np.sin(p), np.sqrt(1 - r * r)], axis=-1)
     whole = np.pi * both.evaluate(wi, np.array([np.sqrt(0.5), 0, np.sqrt(0.5)])).mean()
     assert matte_share(both) == pytest.approx(0.2 / whole, abs=0.005)
+
+
+@pytest.mark.parametrize("light", [0.0, -1e-6, 1e-6])
+def test_an_image_of_the_dark_has_no_surroundings(light: float) -> None:
+    """What rounding leaves of it, over its own mean, was 1e14 times any effect, and no evidence could be told."""
+    dn = np.full((84, 112, 3), 64.0) + light
+    dn[0, 0] += 0.001
+    dark = SimpleNamespace(
+        simulation=SimpleNamespace(dn=dn, black=64.0), signal=dn - 64.0, take=lambda plane: plane
+    )
+    assert _surroundings(dark) is None
