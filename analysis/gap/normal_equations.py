@@ -114,14 +114,16 @@ def equations(
     mask = state.usable
     if drawn is None:
         drawn = sensitivities(state, terms)
-    X, S, few, many = drawn.columns, drawn.cells, drawn.few, drawn.many
+    S, few, many = drawn.cells, drawn.few, drawn.many
+    X = np.stack(drawn.columns) if drawn.columns else np.zeros((0, drawn.n), np.float32)
     r = state.residual[mask].reshape(-1).astype(np.float32) + theta[few].astype(np.float32) @ X
     v = variance(state) if doubt is None else variance(state) + doubt
     w = (1.0 / v)[mask].reshape(-1).astype(np.float32)
     s = state.signal[mask].reshape(-1)
     T = BLOCK**2 / state.stride**2
     root = np.sqrt(w / np.float32(T))
-    X, r = X * root, r * root
+    X *= root
+    r *= root
     q = len(terms)
     G, b = np.zeros((q, q), np.float32), np.zeros(q)
     G[np.ix_(few, few)] = gram(X)

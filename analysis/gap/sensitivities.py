@@ -19,10 +19,12 @@ BRIGHTER, AWAY = 0.03, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """``columns`` (k, n) float32 of the terms ``few``, row by row of the ``n`` usable values; ``cells`` (m, n) of the
-    terms ``many``, which belong to families. ``signal`` (h, w, C) DN and ``flow``: of the state that they are from."""
+    """``columns``: (n,) float32 of each of the terms ``few``, row by row of the ``n`` usable values, which stands share
+    as far as they are the same; ``cells`` (m, n) of the terms ``many``, which belong to families. ``signal`` (h, w, C)
+    DN and ``flow``: of the state that they are from."""
 
-    columns: np.ndarray
+    columns: tuple[np.ndarray, ...]
+    n: int
     cells: sparse.csr_array | None
     few: np.ndarray
     many: np.ndarray
@@ -42,7 +44,7 @@ class Sensitivities:
         rows, cells = place[self.few] >= 0, place[self.many] >= 0
         return replace(
             self,
-            columns=self.columns[rows],
+            columns=tuple(self.columns[i] for i in np.flatnonzero(rows)),
             cells=self.cells[cells] if self.cells is not None and cells.any() else None,
             few=place[self.few[rows]],
             many=place[self.many[cells]],
@@ -53,7 +55,7 @@ class Sensitivities:
         if not terms:
             return self
         first = len(self.few) + len(self.many)
-        columns = np.concatenate([self.columns, drawn(state, terms)])
+        columns = (*self.columns, *drawn(state, terms))
         return replace(self, columns=columns, few=np.append(self.few, np.arange(first, first + len(terms))))
 
 
@@ -70,13 +72,15 @@ def sensitivities(
     if kept is None or not kept.near(state):
         many = np.concatenate([index for _, index in found]) if found else np.array([], int)
         columns = drawn(state, [terms[i] for i in few])
-        return Sensitivities(columns, _cells(state, found), few, many, state.signal, state.flow)
+        n = columns.shape[1]
+        return Sensitivities(tuple(columns), n, _cells(state, found), few, many, state.signal, state.flow)
     rows = [row for row, i in enumerate(few) if i in anew]
     if not rows:
         return kept
-    columns = kept.columns.copy()
-    columns[rows] = drawn(state, [terms[few[row]] for row in rows])
-    return replace(kept, columns=columns)
+    own = list(kept.columns)
+    for row, column in zip(rows, drawn(state, [terms[few[row]] for row in rows]), strict=True):
+        own[row] = column
+    return replace(kept, columns=tuple(own))
 
 
 def drawn(state: State, terms: Sequence[Term]) -> np.ndarray:

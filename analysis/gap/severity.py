@@ -19,8 +19,8 @@ def severities(
 ) -> dict[Cause, np.ndarray]:
     """M (k, k) of each cause of ``members`` (the indices of its terms); ``drawn``: one a condition."""
     products = {cause: np.zeros((len(index), len(index))) for cause, index in members.items()}
-    count = sum(s.columns.shape[1] for s in drawn)
-    total = sum(float(s.signal.mean(dtype=np.float64)) * s.columns.shape[1] for s in drawn)
+    count = sum(s.n for s in drawn)
+    total = sum(float(s.signal.mean(dtype=np.float64)) * s.n for s in drawn)
     for s in drawn:
         row = {int(i): k for k, i in enumerate(s.few)}
         cell = {int(i): k for k, i in enumerate(s.many)}
@@ -29,7 +29,7 @@ def severities(
                 own = s.cells[[cell[int(i)] for i in index]]
                 products[cause] += (own @ own.T).toarray()
             else:
-                X = s.columns[[row[int(i)] for i in index]]
+                X = np.stack([s.columns[row[int(i)]] for i in index])
                 products[cause] += X @ X.T
     scale = count / max(total, 1e-30) ** 2
     return {cause: product * scale for cause, product in products.items()}

@@ -101,7 +101,8 @@ def test_pixels_that_weigh_little_make_an_effect_no_weaker() -> None:
     n, signal = 800, 100.0
     column = np.where(np.arange(n) < n // 2, 3.0, 0.0)
     one = Sensitivities(
-        np.stack([np.ones(n), column]).astype(np.float32),
+        (np.ones(n, np.float32), column.astype(np.float32)),
+        n,
         sparse.csr_array(np.eye(2, n, dtype=np.float32)),
         np.array([0, 2]),
         np.array([1, 3]),

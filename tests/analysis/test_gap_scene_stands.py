@@ -149,7 +149,7 @@ def test_sensitivities_are_kept_where_the_model_stands_near(found, knots) -> Non
     assert sensitivities(moved, terms, kept) is not kept
     again = sensitivities(State(found[0]), terms, kept, anew=[1])
     assert again is not kept
-    assert again.columns == pytest.approx(kept.columns)
+    assert np.stack(again.columns) == pytest.approx(np.stack(kept.columns))
     assert kept.of(np.array([2, 0])).columns[0] == pytest.approx(kept.columns[0])
 
 
