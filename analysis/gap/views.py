@@ -167,15 +167,15 @@ def seen(
 
 _kept: OrderedDict[tuple[int, str, tuple[tuple[float, int], ...], Blur, float], Views] = OrderedDict()
 _keeping = Lock()
-_finer: list[Views] = []  # whose finer grids are kept, the last ones
+_with_finer: list[Views] = []  # whose finer grids are kept, the last ones
 
 
 def _keep_finer(views: Views) -> None:
     """As what lies beside is asked for next, in most cases."""
     with _keeping:
-        _finer[:] = [x for x in _finer if x is not views] + [views]
-        while len(_finer) > 1 and sum(x.bytes_of_finer for x in _finer) > MOST_FINER:
-            _finer.pop(0).forget_finer()
+        _with_finer[:] = [x for x in _with_finer if x is not views] + [views]
+        while len(_with_finer) > 1 and sum(x.bytes_of_finer for x in _with_finer) > MOST_FINER:
+            _with_finer.pop(0).forget_finer()
 
 
 def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:
