@@ -1,6 +1,6 @@
 """The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared.
 
-python benchmarks/sample_forms.py assets/bench_sample/vignetting OUT
+python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
 """
 
