@@ -113,13 +113,14 @@ def beside_structure(fitted: Fit, left: float, probable: float) -> Fit:
 def only_called(fitted: Fit) -> Fit:
     """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
     nothing. Where nothing is called, what is taken for a larger error of the calibration than was declared is one: the
-    file at its best has it, before and after."""
+    file at its best has it, before and after; and where calibration's errors explain everything, that is as they do."""
     best, kept = fitted.best, called(fitted)
     if len(kept) == len(best.causes):
         return fitted
     if not kept:
-        larger = [c for c in best.causes if c in fitted.cautions and fitted.cautions[c].tail >= PRESENT]
-        nothing = fitted.stood(best.of(larger)) if larger else fitted.before
+        larger = fitted.larger_errors
+        alone = larger or fitted.probability_of_none >= PRESENT
+        nothing = fitted.stood(best.of(larger)) if alone else fitted.before
         return replace(fitted, before=nothing, after=nothing)
     return replace(fitted, after=fitted.stood(best.of(kept)))
 

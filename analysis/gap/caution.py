@@ -50,7 +50,7 @@ SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 
 @dataclass(frozen=True)
 class Caution:
-    """Of a cause: the probability that it is an error of the calibration, a larger one than was declared; and
+    """Of a cause: the probability that it is an error of the calibration, a larger one than was declared, and no effect; and
     ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
     not tell), ``chance``, the same by noise and tolerances alone, with what probability that leaves it at ``most``, and
     with what it leaves that it is ``something``."""
@@ -132,16 +132,18 @@ def _calibrated(evidence: Evidence, cause: Cause) -> bool:
 
 
 def tail(evidence: Evidence, declared: np.ndarray, h: Hypothesis, cause: Cause) -> float:
-    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared."""
+    """Probability that a cause of ``h`` is an error of the calibration, larger than was declared, where it is off at
+    all: that it is not is a hypothesis of its own."""
     if not _calibrated(evidence, cause):
         return 0.0
     rest, slabs = _without(h, cause)
-    none = evidence.at(rest, slabs)
-    scores = [none.score]
+    none, scores = evidence.at(rest, slabs), []
     for ratio, share in wider(evidence, declared, cause):
         log_Z = evidence.log_Z(h.causes, h.slabs, {cause: ratio}) - evidence.chosen(rest)
         log_Z += evidence.averaged(rest)
         scores.append(none.log_prior + log_Z / TAU + share)
+    if not scores:
+        return 0.0
     return float(expit(np.logaddexp.reduce(scores) - evidence.at(h.causes, h.slabs).score))
 
 

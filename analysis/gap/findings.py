@@ -185,12 +185,13 @@ def what_is_unknown(
 
 def cautious(fitted: Fit) -> list[str]:
     """Why causes that the captures together speak for are not called."""
-    notes = []
+    notes, sure = [], causes_called(fitted)
+    larger = () if sure else fitted.larger_errors
     for (name, target), c in fitted.cautions.items():
-        if (name, target) in (*causes_called(fitted), *fitted.refuted):
+        if (name, target) in (*sure, *fitted.refuted):
             continue
         what = f"{name.replace('_', ' ')}{f' of {called(target)}' if target else ''}"
-        if c.tail >= PRESENT:
+        if c.tail >= PRESENT or (name, target) in larger:
             notes.append(
                 f"{what[0].upper()}{what[1:]} looks off by more than the calibration's tolerances, but by no more than "
                 f"calibrations are off now and then ({100 * c.tail:.0f} % probable): it is not called."

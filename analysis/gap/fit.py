@@ -15,6 +15,7 @@ from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.color_shading import color_shading
 from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import PRESENT
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fall_off import without_rises
 from analysis.gap.generic_terms import generic_terms
@@ -91,11 +92,28 @@ class Fit:
     @property
     def probability_of_none(self) -> float:
         """That calibration's errors explain everything, some of them larger than declared."""
+        return sum(self._none)
+
+    @property
+    def _none(self) -> tuple[float, float]:
+        """The probability that calibration's errors as declared explain everything; that larger ones, in place of the
+        best's causes, do."""
         score = np.array([h.score for h in self.hypotheses])
         p = np.exp(score - score.max())
         declared = float(p[[not h.causes for h in self.hypotheses]].sum() / p.sum())
-        larger = np.prod([self.cautions[c].tail for c in self.best.causes if c in self.cautions])
-        return max(declared, float(larger)) if self.best.causes else declared
+        if not self.best.causes:
+            return declared, 0.0
+        larger = np.prod([self.cautions[c].tail if c in self.cautions else 0.0 for c in self.best.causes])
+        return declared, (1 - declared) * float(larger)
+
+    @property
+    def larger_errors(self) -> tuple[Cause, ...]:
+        """Of the best's causes those that are errors of the calibration, larger than declared, if nothing is called: each
+        that is more probably that than an effect; all, where that there is no effect is more probable than not and they
+        are the likelier way."""
+        each = tuple(c for c in self.best.causes if c in self.cautions and self.cautions[c].tail >= PRESENT)
+        declared, larger = self._none
+        return self.best.causes if larger > declared and declared + larger >= PRESENT else each
 
 
 def fit(

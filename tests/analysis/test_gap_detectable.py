@@ -39,7 +39,8 @@ def seen(e: Evidence, b: np.ndarray) -> Evidence:
 
 def probability(e: Evidence, cause: str) -> float:
     h = e.best(((cause, ""),), {})
-    return 1 - tail(e, e.spike, h, (cause, ""))
+    larger = tail(e, e.spike, h, (cause, ""))
+    return float(1 / (1 + larger / (1 - larger) + np.exp(e.at((), ()).score - h.score)))
 
 
 @pytest.mark.parametrize("name", ["vignetting", "texture"])
