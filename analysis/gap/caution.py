@@ -50,7 +50,7 @@ SHAPE = 0.1  # of what causes change in χ², that their formulas may leave
 
 @dataclass(frozen=True)
 class Caution:
-    """Of a cause: the probability that it is an error of the calibration, a larger one than was declared, and no effect; and
+    """Of a cause: the probability that it is an error of the calibration, larger than declared, and no effect; and
     ``spread``, one standard deviation of how much of it there is, relative, as conditions differ (nan where they do
     not tell), ``chance``, the same by noise and tolerances alone, with what probability that leaves it at ``most``, and
     with what it leaves that it is ``something``."""

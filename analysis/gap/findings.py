@@ -11,13 +11,13 @@ from analysis.gap.attribution import called as causes_called
 from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.evidence import ENOUGH, TAU
-from analysis.gap.fit import Fit, uncertainty
+from analysis.gap.fit import Fit, uncertainty, uncertainty_of_sum
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
 from analysis.gap.subpixel_terms import PRODUCT
-from analysis.gap.terms import Cause
+from analysis.gap.terms import Cause, together
 from interchange.effects.parts import called
 from interchange.sensor import Sensor
 
@@ -45,8 +45,9 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
         estimates = {}
         for i in index:
             term = fitted.terms[i]
-            value = term.value(float(fitted.after.theta[i]))
-            width = float(sigma[i])
+            parts = together(fitted.terms, i)
+            value = term.value(float(fitted.after.theta[parts].sum()))
+            width = float(sigma[i]) if len(parts) == 1 else uncertainty_of_sum(fitted, parts)
             if term.power == 2:
                 width = width / max(2 * np.sqrt(max(float(fitted.after.theta[i]), 0.0)), np.sqrt(width))
             if term.parameter == PRODUCT or not term.is_a_parameter:
@@ -55,7 +56,7 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
                 value = -value
             target = called(term.target)
             estimates[f"{target} {term.parameter}".strip()] = Estimate(value, width, term.unit)
-        if pattern := [i for i in index if not fitted.terms[i].is_a_parameter]:
+        if pattern := [i for i in index if fitted.terms[i].family is not None or fitted.terms[i].pattern]:
             estimates["rms of the pattern"] = _rms(fitted, pattern)
         rivals = _rivals(fitted, own)
         separate = separating(name, rivals[0][0]) if rivals and rivals[0][1] > 0.1 else None

@@ -108,9 +108,9 @@ class Fit:
 
     @property
     def larger_errors(self) -> tuple[Cause, ...]:
-        """Of the best's causes those that are errors of the calibration, larger than declared, if nothing is called: each
-        that is more probably that than an effect; all, where that there is no effect is more probable than not and they
-        are the likelier way."""
+        """Of the best's causes those that are errors of the calibration, larger than declared, if nothing is called:
+        each that is more probably that than an effect; all, where that there is no effect is more probable than not and
+        they are the likelier way."""
         each = tuple(c for c in self.best.causes if c in self.cautions and self.cautions[c].tail >= PRESENT)
         declared, larger = self._none
         return self.best.causes if larger > declared and declared + larger >= PRESENT else each
@@ -350,3 +350,13 @@ def uncertainty(found: Fit) -> np.ndarray:
     if not len(found.left_out):
         return formal
     return np.asarray(np.sqrt(formal**2 + found.left_out.var(axis=0) * (len(found.left_out) - 1)))
+
+
+def uncertainty_of_sum(found: Fit, index: Sequence[int]) -> float:
+    """The same of the sum of some of a cause's terms, which go together."""
+    along, padded = np.zeros(len(found.terms)), np.zeros(len(found.weighed.terms))
+    along[index] = padded[index] = 1.0
+    best = found.best
+    formal = max(found.evidence.variance(best, along), found.weighed.variance(best, padded))
+    spread = (found.left_out @ along).var() * (len(found.left_out) - 1) if len(found.left_out) else 0.0
+    return float(np.sqrt(max(formal, 0.0) + float(np.square(found.evidence.spike[index]).sum()) + spread))

@@ -3,18 +3,21 @@
 ∂S/∂p = S_l (n / (n · d) - 3 d / r²),  d = p - x     position of a small lamp
 ∂S/∂m = Σ S_l ln cos θ                               beam cos^m θ about the lamp's axis
 ∂S/∂r = S_l of red less that of green                 a lamp's colour, the sum of its channels kept
+
+A paint that is another is so in all channels, and a little more in one: a number for all beside one for each.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.gap.bounced import Bounced
 from analysis.gap.conditions import Condition
 from analysis.gap.left import LAMP, REFLECTED, SMOOTH
 from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
 from analysis.gap.radiance import weighted
 from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Field, Term
+from analysis.gap.terms import Field, Term
 from interchange.captures import Tolerances
 from interchange.effects.ambient_light import AmbientLight
 from interchange.effects.light_beam import beam_axes
@@ -24,7 +27,9 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 # shares as the blind engine draws them (0.8 and 0.5), which was read before
 # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 GRAY = (0.8, 0.6)
-TINTED = 0.3  # of ambient light's radiance: how much more of a channel it has; rooms are lit white
+TINTED = (
+    0.3  # of what is more of all channels, how much more of one: rooms are lit white, paint is dusty or worn
+)
 COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
@@ -81,14 +86,19 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
         terms.append(
             Term("interreflection", "", "added", "1", spike, _undrawn, True, low=0.0, kind="reflected")
         )
+    bounced = Bounced(conditions)
     for name in dict.fromkeys(m for c in conditions for m in c.shown.scene.material_names):
         own = GRAY[1] if channels == 3 else 1.0
         terms += [
-            Term("albedo", name, _channel(k, channels), "1", own * t.albedo, _albedo(name, k), start=1.0)
+            Term("albedo", name, _channel(k, channels), "1", own * t.albedo, _albedo(name, k, bounced), start=1.0,
+                 part=TINTED if channels == 3 else 1.0)
             for k in range(channels)
-        ]
+        ]  # fmt: skip
         if channels == 3:
-            terms.append(Term(NUISANCE, name, "albedo", "1", GRAY[0] * t.albedo, _gray(name)))
+            gray = Term(
+                "albedo", name, "gray", "1", GRAY[0] * t.albedo, _gray(name, bounced), adds_to=tuple("RGB")
+            )
+            terms.append(gray)
     return terms
 
 
@@ -204,7 +214,9 @@ def _undrawn(s: State) -> np.ndarray | None:
     return s.per_radiance * s.channels(s.take(sum(parts[1:], parts[0]))) if parts else None
 
 
-def _albedo(name: str, k: int) -> Field:
+def _albedo(name: str, k: int, bounced: Bounced) -> Field:
+    """What the material gives to the camera, and to other surfaces."""
+
     def field(s: State) -> np.ndarray | None:
         names = s.shown.scene.material_names
         if name not in names or not s.lamps:
@@ -212,14 +224,16 @@ def _albedo(name: str, k: int) -> Field:
         mask = s.take(s.shown.passes["material_id"]) == names.index(name)
         out = np.zeros_like(s.signal)
         out[..., k] = s.signal[..., k] * mask
+        if (given := bounced.light(s, name)) is not None:
+            out[..., k] += given[..., k]
         return out
 
     return field
 
 
-def _gray(name: str) -> Field:
+def _gray(name: str, bounced: Bounced) -> Field:
     def field(s: State) -> np.ndarray | None:
-        parts = [x for k in range(s.signal.shape[2]) if (x := _albedo(name, k)(s)) is not None]
+        parts = [x for k in range(s.signal.shape[2]) if (x := _albedo(name, k, bounced)(s)) is not None]
         return sum(parts[1:], parts[0]) if parts else None
 
     return field

@@ -72,10 +72,13 @@ class Term:
     against: tuple[str, ...] = ()  # causes that no hypothesis has beside its own: they undo it
     camera: str = ""  # which alone shows it; all, where it is empty
     pattern: bool = False  # part of one that has no formula, so that its number is no parameter of its effect
+    adds_to: tuple[
+        str, ...
+    ] = ()  # parameters of its cause that it is a part of, all alike, and none of its own
 
     @property
     def is_a_parameter(self) -> bool:
-        return self.family is None and not self.pattern
+        return self.family is None and not self.pattern and not self.adds_to
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -113,6 +116,15 @@ def _limits(cause: str, parameter: str) -> tuple[float, float]:
     """Of an effect's parameter, as it declares them; of what is no parameter, none."""
     about = parameters(MODELS[cause]) if cause in MODELS else {}
     return (about[parameter].low, about[parameter].high) if parameter in about else (-np.inf, np.inf)
+
+
+def together(terms: Sequence[Term], i: int) -> list[int]:
+    """The terms that the parameter of term ``i`` is the sum of."""
+    own = terms[i]
+    return [
+        i,
+        *(k for k, t in enumerate(terms) if t.candidate == own.candidate and own.parameter in t.adds_to),
+    ]
 
 
 def moving(cause: str, target: str, parameter: str, unit: str, spike: float, flow: Flow) -> Term:

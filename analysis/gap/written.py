@@ -11,6 +11,7 @@ from analysis.gap.diagnosis import Finding
 from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.painted import patterns
+from analysis.gap.terms import together
 from interchange.captures import Captures
 from interchange.formats.document import Document
 
@@ -52,9 +53,10 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> l
     laid out."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
     told_at: dict[Cause, float] = {}
-    for term, theta in zip(fitted.terms, fitted.after.theta, strict=True):
+    for i, term in enumerate(fitted.terms):
         if term.cause in names - {"texture"} and term.candidate in fitted.best.causes and term.is_a_parameter:
-            pair = (term.value(float(theta)), term.value(0.0))
+            theta = float(fitted.after.theta[together(fitted.terms, i)].sum())
+            pair = (term.value(theta), term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
             told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
     changes = []

@@ -67,6 +67,11 @@ def main() -> None:
         action="store_true",
         help="scenes stand as written: errors are of the images alone, as in the sample captures",
     )
+    p.add_argument(
+        "--made",
+        action="store_true",
+        help="make no more: a set is the first cases by name, as far as all are made",
+    )
     p.add_argument("--workers", type=int, default=1)
     p.add_argument("--nice", type=int, default=10)
     args = p.parse_args()
@@ -101,12 +106,10 @@ def main() -> None:
         tuple(args.scenes),
         args.apart,
     )
+    todo.sort(key=lambda x: x.case)  # names are drawn by lot: the first of them are a sample of all
     work = [x for x in todo if not (parts / f"{x.case}.json").is_file()]
-    from benchmarks.blind.scene_causes import RENDERED
-
-    work.sort(
-        key=lambda x: any(name in RENDERED and name != "light_beam" for name, _ in x.effects)
-    )  # what costs renderings comes last
+    if args.made and work:
+        todo, work = todo[: todo.index(work[0])], []
     print(f"{len(todo)} cases, {len(work)} to make", flush=True)
     with ProcessPoolExecutor(args.workers) as pool:
         jobs = [
