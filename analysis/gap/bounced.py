@@ -78,22 +78,15 @@ class Bounced:
         return found
 
     def _light(self, s: State, material: str) -> np.ndarray | None:
-        shown = s.condition.shown.origin or s.condition.shown
-        grown, n = self._growth(shown), s.condition.shown.coarse
-        height, width = shown.rest.shape[:2]
-        column, row = (
-            np.clip(np.rint(n * x + (n - 1) / 2), 0, most - 1).astype(int)
-            for x, most in zip(s.source, (width, height), strict=True)
-        )
+        grown = self._growth(s.condition.shown.origin or s.condition.shown)
+        row, column, reflected = _reflected(s)
         total = None
-        for lamp, L in s.lamps.items():
+        for lamp, L in reflected.items():
             s_m = grown.get((lamp, material))
-            if s_m is None or lamp not in s.shown.indirect:
-                continue
-            reflected = s.take(s.shown.indirect[lamp]) * (s_m[row, column] * np.float32(STEP))
-            part = L * s.channels(reflected)
-            total = part if total is None else total + part
-        return total
+            if s_m is not None:
+                part = L * s.channels(s_m[row, column])
+                total = part if total is None else total + part
+        return None if total is None else total * np.float32(STEP)
 
     def _growth(self, shown: Rendered) -> Growth:
         seen = shown.passes["position"]
@@ -102,6 +95,25 @@ class Bounced:
                 others = [v for v in self._views if v.passes["position"] is not seen and _stand(v, shown)]
                 self._kept[id(seen)] = seen, growth(shown, others)
             return self._kept[id(seen)][1]
+
+
+def _reflected(s: State) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Which row and column (h, w) of what was rendered every pixel shows, and (h, w, C) DN that it has of each lamp by
+    way of surfaces."""
+    key = ("reflected", "")
+    if key not in s.kept:
+        shown, n = s.condition.shown.origin or s.condition.shown, s.condition.shown.coarse
+        column, row = (
+            np.clip(np.rint(n * x + (n - 1) / 2), 0, most - 1).astype(np.int32)
+            for x, most in zip(s.source, shown.rest.shape[1::-1], strict=True)
+        )
+        share = s.shown.indirect
+        reflected = {
+            lamp: L * s.channels(s.take(share[lamp])) for lamp, L in s.lamps.items() if lamp in share
+        }
+        s.kept[key] = row, column, reflected
+    found: tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]] = s.kept[key]
+    return found
 
 
 def _stand(one: Rendered, other: Rendered) -> bool:

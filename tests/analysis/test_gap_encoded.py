@@ -1,0 +1,56 @@
+"""Captures that were encoded for a screen are told from linear ones, whatever else is wrong with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.conditions import Condition
+from analysis.gap.encoded import encoded, must_be_linear
+from interchange.captures import Capture
+from interchange.effects.response_curve import ResponseCurve
+from interchange.problems import BrightfieldError
+from interchange.sensor import Response
+from tests.analysis.test_gap_overlap import SIZE, lit
+
+COLUMN, ROW = np.meshgrid(np.linspace(-1, 1, SIZE[0]), np.linspace(-1, 1, SIZE[1]))
+PLATE = lit(6.0 - 2.5 * (COLUMN**2 + ROW**2))
+
+
+def _as_if(condition: Condition, gain: float, curve: ResponseCurve, bits: int = 8) -> Condition:
+    """Captures that were ``gain`` times as bright, encoded by a curve, rounded to some bits, with black taken off."""
+    top = 2**condition.camera.sensor.bits_out - 1
+    signal = np.clip(gain * condition.mean / top, 0, 1)
+    codes = np.rint(curve.curve(signal) * (2**bits - 1)) / (2**bits - 1)
+    return replace(condition, mean=(codes * top).astype(np.float32))
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.0, 1.4])
+def test_srgb_is_told(gain: float) -> None:
+    shaded = replace(PLATE, mean=PLATE.mean * (1 - 0.05 * COLUMN[..., None] ** 2).astype(np.float32))
+    for c in (PLATE, shaded):
+        assert encoded([_as_if(c, gain, ResponseCurve(response=Response.SRGB))]) == ["/eye"]
+
+
+@pytest.mark.parametrize("curve", [{}, {"gamma": 0.9}, {"gamma": 0.7}, {"bow": 0.1}])
+def test_what_is_linear_or_bent_in_another_way_is_not(curve: dict[str, float]) -> None:
+    """A gamma of 0.7 is between both; sRGB's is 0.42 to 0.5."""
+    assert encoded([_as_if(PLATE, 1.0, ResponseCurve(**curve))]) == []
+
+
+def test_a_scene_that_says_so_has_no_other_curve() -> None:
+    sensor = replace(PLATE.camera.sensor, response=Response.SRGB)
+    told = replace(PLATE, camera=replace(PLATE.camera, sensor=sensor))
+    assert encoded([replace(told, mean=told.simulated().dn)]) == []
+
+
+def test_the_dark_tells_nothing() -> None:
+    assert encoded([lit(np.zeros(SIZE[::-1]))]) == []
+
+
+def test_they_are_refused_with_what_to_write() -> None:
+    told = _as_if(PLATE, 1.0, ResponseCurve(response=Response.SRGB))
+    capture = Capture("0.png", "/eye", 0.0, 1.0, told.mean, bits=8)
+    with pytest.raises(BrightfieldError, match=r'of eye follow .* sensor:response = "sRGB" .* --as-linear'):
+        must_be_linear([replace(told, captures=(capture,))])
+    must_be_linear([PLATE])
