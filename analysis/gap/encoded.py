@@ -29,7 +29,8 @@ def must_be_linear(found: Sequence[Condition]) -> None:
         raise BrightfieldError(
             f"Captures must be what the scene says of them, linear; those of {' and '.join(map(called, names))} follow "
             f'the curve of sRGB. Take linear images; or write sensor:response = "sRGB" into the scene, and '
-            f"sensor:blackLevel = 0 if black was taken off; or diagnose them as they are with --as-linear. ({found[0].captures[0].where.file})"
+            f"sensor:blackLevel = 0 if black was taken off; or diagnose them as they are with --as-linear. "
+            f"({found[0].captures[0].where.file})"
         )
 
 
