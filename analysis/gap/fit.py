@@ -109,11 +109,12 @@ class Fit:
     @property
     def larger_errors(self) -> tuple[Cause, ...]:
         """Of the best's causes those that are errors of the calibration, larger than declared, if nothing is called:
-        each that is more probably that than an effect; all, where that there is no effect is more probable than not and
-        they are the likelier way."""
-        each = tuple(c for c in self.best.causes if c in self.cautions and self.cautions[c].tail >= PRESENT)
+        where that there is no effect is more probable than not, all, or none, as that is likelier; each that is more
+        probably that than an effect, where it is not."""
         declared, larger = self._none
-        return self.best.causes if larger > declared and declared + larger >= PRESENT else each
+        if declared + larger >= PRESENT:
+            return self.best.causes if larger > declared else ()
+        return tuple(c for c in self.best.causes if c in self.cautions and self.cautions[c].tail >= PRESENT)
 
 
 def fit(

@@ -111,6 +111,25 @@ def test_a_larger_error_of_the_calibration_is_the_files_at_its_best() -> None:
     )  # with what the other's tolerance leaves of that
 
 
+@pytest.mark.parametrize(
+    ("none", "tail", "causes"), [(-0.4, 0.4, ()), (-2.0, 0.45, (A, B)), (-2.0, 0.1, None)]
+)
+def test_none_is_simulated_as_what_explains_it(
+    none: float, tail: float, causes: tuple[tuple[str, str], ...] | None
+) -> None:
+    """Tolerances as declared, where they are likelier than larger ones; larger ones, where those are; what a fit with
+    causes leaves of them, where that there is nothing is improbable."""
+    best = Hypothesis((A, B), (0.1, 0.1), 0.0, 0.0)
+    both = {c: Caution(tail**0.5, 0.0, 1.0) for c in (A, B)}
+    fitted = replace(_fit(0.3, 0.3), hypotheses=(best, Hypothesis((), (), none, 0.0)), cautions=both)
+    if causes:  # each by itself is as likely an effect
+        assert fitted.larger_errors == causes
+    said = only_called(fitted)
+    expected = fitted.before if causes is None else fitted.stood(best.of(causes))
+    assert said.after.theta == pytest.approx(expected.theta)
+    assert said.before is said.after
+
+
 def test_beside_structure_a_cause_is_as_probable_as_it_outweighs_it() -> None:
     """p E / (E + p_left E_left) of each, E of 3000 values; as it was where there is none."""
     fitted = _fit(0.9, 0.8)
