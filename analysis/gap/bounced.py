@@ -25,7 +25,7 @@ from analysis.gap.reflected import finely
 from analysis.gap.state import State
 from interchange.camera import Camera, Projection
 
-BLOCKS = 2000  # of an image, about
+BLOCKS, MOST = 2000, 6000  # of an image, about, and of all that are looked at from each other
 SEEN = 0.02  # of the distance: nearer than that to what another camera sees it is the same
 LEAST = 0.02  # of s: what is less in all of an image is nothing
 BOUNCES = 3  # that light's dependence is followed over
@@ -129,7 +129,7 @@ def growth(shown: Rendered, others: Sequence[Rendered]) -> Growth:
     if not shown.indirect:
         return {}
     own, n = blocks(shown)
-    seen = _together([own, *(_unseen(blocks(v)[0], shown) for v in others)])
+    seen = _seen(own, shown, others)
     names = shown.scene.material_names
     h, w = -(-shown.rest.shape[0] // n), -(-shown.rest.shape[1] // n)
     surface, normal = _surfaces(shown, n)
@@ -146,6 +146,21 @@ def growth(shown: Rendered, others: Sequence[Rendered]) -> Growth:
         fine = np.rint(np.clip(fine / STEP, 0, 255)).astype(np.uint8)
         out |= {(lamp, names[m]): fine[..., 3 * k : 3 * k + 3].copy() for k, m in enumerate(chosen)}
     return out
+
+
+def _seen(own: Blocks, shown: Rendered, others: Sequence[Rendered]) -> Blocks:
+    """What a rendering shows, ``own``, and what ``others`` show besides, each surface once, up to ``MOST``."""
+    parts, views, count = [own], [shown], len(own.place)
+    for other in others:
+        more, _ = blocks(other)
+        for view in views:
+            more = _unseen(more, view)
+        if count + len(more.place) > MOST:
+            break
+        parts.append(more)
+        views.append(other)
+        count += len(more.place)
+    return _together(parts)
 
 
 def blocks(shown: Rendered) -> tuple[Blocks, int]:
