@@ -67,10 +67,10 @@ def _fields(patterns: dict[str, Pattern], name: str) -> list[Field]:
     fields = []
     for size in range(len(SIZES) - 1):
         planes = [found[""][size] for p in patterns.values() for found in p.detail.values()]
-        known = [plane[plane != 0] for plane in planes]
-        rms = float(np.sqrt(np.mean(np.concatenate(known) ** 2))) if known else 0.0
-        if not rms > 0:
+        known = np.concatenate([np.zeros(0), *(plane[plane != 0] for plane in planes)])
+        if not known.size:
             return []
+        rms = float(np.sqrt(np.mean(known**2)))
         fields.append(_field(patterns, name, size, rms))
     return fields
 

@@ -163,3 +163,11 @@ def test_what_was_fitted_is_laid_out_and_drawn_again(
     drawn = State(c).per_radiance * (new - old)
     assert np.sqrt(np.mean((drawn - said) ** 2)) < 0.25 * np.sqrt(np.mean(said**2))
     assert float((drawn * said).sum() / (said**2).sum()) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_leaves_nothing_has_no_pattern(plain: list[Condition]) -> None:
+    """As of a plan of captures, which are what the scene shows: it ended in NaN, and a warning on the screen."""
+    names = list(dict.fromkeys(b.material.name for c in plain for b in c.shown.scene.bodies))
+    exact = [replace(c, mean=c.simulated().dn) for c in plain]
+    assert all(fields == [] for fields in pattern_fields(exact, names).values())
