@@ -20,7 +20,7 @@ from threading import Lock
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.radiance import Rendered, means
+from analysis.gap.radiance import Rendered, means, surfaces
 from analysis.gap.reflected import finely
 from analysis.gap.state import State
 from interchange.camera import Camera, Projection
@@ -132,7 +132,7 @@ def growth(shown: Rendered, others: Sequence[Rendered]) -> Growth:
     seen = _seen(own, shown, others)
     names = shown.scene.material_names
     h, w = -(-shown.rest.shape[0] // n), -(-shown.rest.shape[1] // n)
-    surface, normal = _surfaces(shown, n)
+    surface, normal = (_padded(x, n) for x in (surfaces(shown.passes), shown.passes["normal"]))
     K = _kernel(seen)
     out: Growth = {}
     for lamp in shown.indirect:
@@ -258,10 +258,3 @@ def _padded(plane: np.ndarray, n: int) -> np.ndarray:
     """With its last rows and columns again, until both are multiples of n."""
     more = [(0, -plane.shape[k] % n) for k in range(2)] + [(0, 0)] * (plane.ndim - 2)
     return np.pad(plane, more, mode="edge")
-
-
-def _surfaces(shown: Rendered, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n h, n w) a number a surface, and (n h, n w, 3) normals."""
-    material, body = shown.passes["material_id"], shown.passes["object_id"]
-    surface = np.where(body < 0, -1, body * (1 + int(material.max(initial=0))) + material)
-    return _padded(surface, n), _padded(shown.passes["normal"], n)

@@ -25,7 +25,6 @@ from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
-from analysis.gap.encoded import must_be_linear
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
     beside_unknown,
@@ -93,14 +92,12 @@ def diagnose(
     verify: bool = False,
     metric: tuple[str, Measure] | None = None,
     rehearsals: int = 0,
-    as_linear: bool = False,
 ) -> Diagnosed:
     """The diagnosis of ``captures``; the corrected scene is written to ``out``.
 
     ``render`` draws a scene as ``settings`` say (analysis.gap.radiance); ``cache``: where renderings are kept.
     ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
-    ``as_linear``: captures that are encoded for a screen where the scene has none of it are taken as they are.
     ``rehearsals``: cases simulated from the scene that probabilities are calibrated on (analysis.gap.rehearsing).
     Raises BrightfieldError where captures and scene do not belong together.
     """
@@ -111,8 +108,6 @@ def diagnose(
     )
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
-    if not as_linear:
-        must_be_linear(whole)
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
 

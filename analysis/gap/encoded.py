@@ -11,27 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from interchange.effects.parts import called
 from interchange.effects.response_curve import ResponseCurve
-from interchange.problems import BrightfieldError
 from interchange.sensor import Response
 
 BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
 GAINS = np.geomspace(0.5, 2.0, 141)
 BENT = 0.01  # of the captures' range, rms, that a line leaves at least
 BETTER = 10.0  # times as much (squared) that it leaves as sRGB's curve does
-
-
-def must_be_linear(found: Sequence[Condition]) -> None:
-    """Raise BrightfieldError for the cameras whose captures are encoded: what is found beside that curve, which no
-    formula of a response follows, is not there."""
-    if names := encoded(found):
-        raise BrightfieldError(
-            f"Captures must be what the scene says of them, linear; those of {' and '.join(map(called, names))} follow "
-            f'the curve of sRGB. Take linear images; or write sensor:response = "sRGB" into the scene, and '
-            f"sensor:blackLevel = 0 if black was taken off; or diagnose them as they are with --as-linear. "
-            f"({found[0].captures[0].where.file})"
-        )
 
 
 def encoded(found: Sequence[Condition]) -> list[str]:

@@ -27,9 +27,8 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 # shares as the blind engine draws them (0.8 and 0.5), which was read before
 # of an albedo's tolerance: alike in all channels, as a reference tile's or a place's; and in each
 GRAY = (0.8, 0.6)
-TINTED = (
-    0.3  # of what is more of all channels, how much more of one: rooms are lit white, paint is dusty or worn
-)
+# of what is more of all channels, how much more of one: rooms are lit white, paint is dusty or worn
+TINTED = 0.3
 COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 

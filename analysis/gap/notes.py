@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from analysis.gap import aperture
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
+from analysis.gap.encoded import encoded
 from analysis.gap.findings import cautious
 from analysis.gap.fit import Fit
 from analysis.gap.ledger import Ledger
@@ -30,6 +31,7 @@ def notes(
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
     found = [
+        *_encoded(conditions),
         *_refuted(fitted),
         *(taken_back(n.name) for n in forged),
         *cautious(fitted),
@@ -46,6 +48,18 @@ def notes(
     if missing:
         found.append(f"Not tried with these captures and this renderer: {', '.join(missing)}.")
     return found
+
+
+def _encoded(conditions: Sequence[Condition]) -> list[str]:
+    names = [called(name) for name in encoded(conditions)]
+    if not names:
+        return []
+    return [
+        f"The captures of {' and '.join(names)} follow the curve of sRGB, and the scene says that they are linear. No "
+        f"number of a response curve follows that exactly, and what is found beside one may be what it leaves: take "
+        f'linear images, or write sensor:response = "sRGB" into the scene, and sensor:blackLevel = 0 if black was '
+        f"taken off, and diagnose again."
+    ]
 
 
 def taken_back(noise: str) -> str:

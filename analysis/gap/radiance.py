@@ -10,7 +10,7 @@ Reflected light is drawn on the sensor's own grid (analysis.gap.reflected).
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
@@ -268,9 +268,7 @@ def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dic
     if not lamps:
         return {}
     planes = [np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps]
-    material, body = direct.passes["material_id"], direct.passes["object_id"]
-    surface = np.where(body < 0, -1, body * (1 + int(material.max(initial=0))) + material)
-    fine = finely(np.concatenate(planes, axis=2), surface, direct.passes["normal"])
+    fine = finely(np.concatenate(planes, axis=2), surfaces(direct.passes), direct.passes["normal"])
     out = {}
     for k, (name, plane) in enumerate(zip(list(lamps), planes, strict=True)):
         lamps[name] = lamps[name] + fine[..., 3 * k : 3 * k + 3]
@@ -278,6 +276,12 @@ def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dic
         share = np.divide(plane, whole, out=np.zeros_like(whole), where=whole > 0)
         out[f"indirect:{name}"] = np.minimum(share, 1)
     return out
+
+
+def surfaces(passes: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(H, W): a number for each material of each body, -1 where nothing is."""
+    material, body = passes["material_id"], passes["object_id"]
+    return np.where(body < 0, -1, body * (1 + int(material.max(initial=0))) + material)
 
 
 def single(plane: np.ndarray) -> np.ndarray:

@@ -72,9 +72,7 @@ class Term:
     against: tuple[str, ...] = ()  # causes that no hypothesis has beside its own: they undo it
     camera: str = ""  # which alone shows it; all, where it is empty
     pattern: bool = False  # part of one that has no formula, so that its number is no parameter of its effect
-    adds_to: tuple[
-        str, ...
-    ] = ()  # parameters of its cause that it is a part of, all alike, and none of its own
+    adds_to: tuple[str, ...] = ()  # parameters of its cause that it is a part of, and none of its own
 
     @property
     def is_a_parameter(self) -> bool:

@@ -38,11 +38,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="do not render the held-out captures from the corrected scene",
     )
     parser.add_argument(
-        "--as-linear",
-        action="store_true",
-        help="take captures that are encoded as sRGB as they are, though the scene says that they are linear",
-    )
-    parser.add_argument(
         "--rehearse",
         type=int,
         default=0,
@@ -83,7 +78,6 @@ def run(args: argparse.Namespace) -> int:
             not args.no_verify,
             measure,
             args.rehearse,
-            args.as_linear,
         )
     d = found.diagnosis
     write(args.out / "diagnosis.json", d)

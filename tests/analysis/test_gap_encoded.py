@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition
-from analysis.gap.encoded import encoded, must_be_linear
-from interchange.captures import Capture
+from analysis.gap.encoded import encoded
+from analysis.gap.notes import _encoded
 from interchange.effects.response_curve import ResponseCurve
-from interchange.problems import BrightfieldError
 from interchange.sensor import Response
 from tests.analysis.test_gap_overlap import SIZE, lit
 
@@ -48,9 +47,8 @@ def test_the_dark_tells_nothing() -> None:
     assert encoded([lit(np.zeros(SIZE[::-1]))]) == []
 
 
-def test_they_are_refused_with_what_to_write() -> None:
-    told = _as_if(PLATE, 1.0, ResponseCurve(response=Response.SRGB))
-    capture = Capture("0.png", "/eye", 0.0, 1.0, told.mean, bits=8)
-    with pytest.raises(BrightfieldError, match=r'of eye follow .* sensor:response = "sRGB" .* --as-linear'):
-        must_be_linear([replace(told, captures=(capture,))])
-    must_be_linear([PLATE])
+def test_the_report_says_what_to_write() -> None:
+    (words,) = _encoded([_as_if(PLATE, 1.0, ResponseCurve(response=Response.SRGB))])
+    assert "captures of eye follow the curve of sRGB" in words
+    assert 'sensor:response = "sRGB"' in words
+    assert _encoded([PLATE]) == []
