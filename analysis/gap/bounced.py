@@ -8,7 +8,8 @@ q: all that the cameras see, block by block of pixels, each of which gives its l
 that came by way of other surfaces. How much light there is the renderer says; here only what it depends on is told, for
 which nothing is between two points, and what no camera sees gives nothing. On the sample's bench a path tracer
 that draws the base darker has s of 0.71 to 0.98, mean over other surfaces and by lamp and channel, and this has 0.72 to
-0.97; of the white plate, which hardly anything sees without a block between, 0.41 to 0.80 and 0.37 to 0.76.
+0.97; of the white plate, which blocks stand before, 0.41 to 0.80 and 0.37 to 0.76, at worst a third less
+(benchmarks/albedo_bounces.py).
 
 Keller: Instant radiosity. SIGGRAPH 1997. Dachsbacher, Stamminger: Reflective shadow maps. I3D 2005.
 """
