@@ -255,6 +255,7 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
         lamps={k: means(v, n) for k, v in shown.lamps.items()},
         rest=means(shown.rest, n),
         ambient=means(shown.ambient, n),
+        leaning={axis: means(p, n) for axis, p in shown.leaning.items()},
         indirect={k: means(v, n) for k, v in shown.indirect.items()},
         undrawn={k: means(v, n) for k, v in shown.undrawn.items()},
         passes={k: v[middle, middle][:height, :width] for k, v in shown.passes.items()},

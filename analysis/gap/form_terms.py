@@ -2,7 +2,8 @@
 
 No formula is the effect itself: a fall-off is not quite a polynomial, a blur not quite a Gaussian. What a cause
 changes, Δ, may be off by a share that varies slowly with the place in the image, the distance from its middle, the
-brightness and the channel; and at each pixel by a share of its own (``doubt``). What the chain of an image changes may
+brightness and the channel, in all cameras alike and in each, as every one has a lens and a sensor of its own; and at
+each pixel by a share of its own (``doubt``). What the chain of an image changes may
 lie a little aside and be a little wider: a blur's kernel need be neither even nor a Gaussian. Its third moment, and
 what its fourth has beyond a Gaussian's, change an image by derivatives of what its variance changes: the first times
 -m3 / (3 m2) px, the second times (m4 - 3 m2²) / (12 m2) px². Without this, what the formula of a strong effect leaves
@@ -20,6 +21,7 @@ import numpy as np
 
 from analysis.gap.state import State
 from analysis.gap.terms import FORM, Cause, Field, Term
+from interchange.effects import MODELS
 
 SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
 OWN = 0.1  # and pixel by pixel
@@ -43,12 +45,21 @@ Change = dict[str, Changed]  # by the condition's name
 Modulation = Callable[[State], np.ndarray]
 
 
-def form_terms(changes: dict[Cause, Change]) -> list[Term]:
-    """Terms that the evidence never widens, for each cause of ``changes``."""
+def form_terms(changes: dict[Cause, Change], cameras: Sequence[str] = ()) -> list[Term]:
+    """Terms that the evidence never widens, for each cause of ``changes``. Where there are several ``cameras``, each
+    has its own of what the image chain does in all of them."""
     spike = SHARE / np.sqrt(len(MODULATIONS))
     terms = [
-        Term(FORM, f"{name} {target}".strip(), word, "1", spike, _modulated(change, modulation))
+        Term(
+            FORM,
+            f"{name} {target} {camera}".strip(),
+            word,
+            "1",
+            spike,
+            _modulated(change, modulation, camera),
+        )
         for (name, target), change in changes.items()
+        for camera in ("", *(cameras if len(cameras) > 1 and _of_every_camera(name, target) else ()))
         for word, modulation in MODULATIONS.items()
     ]
     terms += [
@@ -75,10 +86,18 @@ def doubt(changes: Sequence[Change], state: State) -> np.ndarray | None:
     return np.asarray(OWN**2 * np.sum([np.square(x) for x in own], axis=0), np.float32)
 
 
-def _modulated(change: Change, modulation: Modulation) -> Field:
+def _of_every_camera(name: str, target: str) -> bool:
+    return not target and name in MODELS and MODELS[name].is_of_the_chain()
+
+
+def _modulated(change: Change, modulation: Modulation, camera: str) -> Field:
+    """In the captures of one ``camera``, or of all where it is none's."""
+
     def field(s: State) -> np.ndarray | None:
         found = change.get(s.condition.name)
-        return None if found is None else np.asarray(found.dn * modulation(s), np.float32)
+        if found is None or camera not in ("", s.camera.name):
+            return None
+        return np.asarray(found.dn * modulation(s), np.float32)
 
     return field
 

@@ -2,12 +2,13 @@
 
 ∂S/∂p = S_l (n / (n · d) - 3 d / r²),  d = p - x     position of a small lamp
 ∂S/∂m = Σ S_l ln cos θ                               beam cos^m θ about the lamp's axis
+∂S/∂q = Σ S_l (1 - cos θ)²                            what a power of a cosine leaves of it
 ∂S/∂r = S_l of red less that of green                 a lamp's colour, the sum of its channels kept
 
 A paint that is another is so in all channels, and a little more in one: a number for all beside one for each.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from analysis.gap.left import LAMP, REFLECTED, SMOOTH
 from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
 from analysis.gap.radiance import weighted
 from analysis.gap.state import State
-from analysis.gap.terms import Field, Term
+from analysis.gap.terms import NUISANCE, Field, Term
+from analysis.gap.views import placed
+from interchange.brdf.lobes import has_lobes
 from interchange.captures import Tolerances
-from interchange.effects.ambient_light import AmbientLight
+from interchange.effects.ambient_light import AXES, TINTS, AmbientLight
 from interchange.effects.light_beam import beam_axes
 from interchange.light import Light, LightKind
 
@@ -29,6 +32,11 @@ FAR = (LightKind.DISTANT, LightKind.DOME)
 GRAY = (0.8, 0.6)
 # of what is more of all channels, how much more of one: rooms are lit white, paint is dusty or worn
 TINTED = 0.3
+FURTHER = 0.3  # of a beam, what is no power of a cosine
+LEANING = 0.3  # of ambient light, how much more comes from one side: windows, a ceiling
+# of the reflected light on a material with lobes: what these give far from their peaks, where light from all around
+# meets them, is measured least and differs from model to model
+SHINY = 0.03
 COLOR = 0.4  # of a lamp's calibrated intensity: what is left of its colour, which needs no absolute standard
 
 
@@ -39,7 +47,11 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     terms = [Term("light_intensity", n, "scale", "1", t.light_intensity, _lamp(n), start=1.0) for n in lights]
     near = [n for n, x in lights.items() if x.kind not in FAR]
     if near:
-        terms.append(Term("light_beam", "", "m", "1", LAMP * t.flat_field, _beam(near), relative=True))
+        spike = LAMP * t.flat_field
+        terms += [
+            Term("light_beam", "", word, "1", spike, _beam(near, way), relative=True, part=part)
+            for word, way, part in (("m", _logarithm, 1.0), ("q", _square, FURTHER))
+        ]
     terms += [
         Term(
             "fixed to the lamp",
@@ -60,7 +72,9 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
             for n in lights
             for k, word in ((0, "red"), (2, "blue"))
         ]
-    ways = (("L", 1.0), ("red", TINTED), ("blue", TINTED)) if channels == 3 else (("L", 1.0),)
+    tints = tuple((word, TINTED) for word in TINTS) if channels == 3 else ()
+    leans = tuple((axis, LEANING) for axis in AXES) if all(c.shown.leaning for c in conditions) else ()
+    ways = (("L", 1.0), *tints, *leans)
     spike = SMOOTH * t.flat_field
     terms += [
         Term("ambient_light", "", word, "W/(m^2 sr)", spike, _ambient(word), True,
@@ -68,18 +82,14 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
         for word, part in ways
     ]  # fmt: skip
     if any(c.shown.indirect for c in conditions):
-        terms.append(
-            Term(
-                "interreflection",
-                "",
-                "scale",
-                "1",
-                REFLECTED * t.flat_field,
-                _indirect,
-                relative=True,
-                start=1.0,
-            )
-        )
+        spike = REFLECTED * t.flat_field
+        terms.append(Term("interreflection", "", "scale", "1", spike, _indirect, relative=True, start=1.0))
+        materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
+        terms += [
+            Term(NUISANCE, name, "reflected", "1", SHINY, _indirect_on(name))
+            for name, material in materials.items()
+            if has_lobes(material.brdf)
+        ]
     if any(c.shown.undrawn for c in conditions):
         spike = REFLECTED * t.flat_field
         terms.append(
@@ -167,14 +177,21 @@ def _axes(state: State, name: str) -> np.ndarray:
     return beam_axes(_light(state, name), state.shown.scene.bounds.mean(axis=0))
 
 
-def _beam(names: Sequence[str]) -> Field:
+def _logarithm(cos: np.ndarray) -> np.ndarray:
+    return np.log(np.clip(cos, 0.05, 1.0))
+
+
+def _square(cos: np.ndarray) -> np.ndarray:
+    return np.square(1 - np.clip(cos, 0.0, 1.0))
+
+
+def _beam(names: Sequence[str], way: Callable[[np.ndarray], np.ndarray]) -> Field:
     def field(s: State) -> np.ndarray | None:
         total = None
         for name in names:
             if name in s.lamps:
                 d, r = _from_lamp(s, name)
-                cos = np.clip((d / r) @ _axes(s, name)[:, 2], 0.05, 1.0)[..., None]
-                part = s.lamps[name] * np.log(cos).astype(np.float32)
+                part = s.lamps[name] * way((d / r) @ _axes(s, name)[:, 2])[..., None].astype(np.float32)
                 total = part if total is None else total + part
         return total
 
@@ -193,6 +210,9 @@ def _gradient(name: str, axis: int) -> Field:
 
 def _ambient(word: str) -> Field:
     def field(s: State) -> np.ndarray:
+        if word in AXES:
+            share = placed(s.shown.leaning[word], s.flow)
+            return s.per_radiance * s.channels(s.take(s.shown.ambient * share))
         column = s.per_radiance * s.channels(s.take(s.shown.ambient))
         tint = np.array(AmbientLight(**{word: 1.0}).channels, np.float32)
         return np.asarray(column * tint) if column.shape[-1] == 3 else column
@@ -205,6 +225,16 @@ def _indirect(s: State) -> np.ndarray | None:
     share = s.shown.indirect
     parts = [L * s.channels(s.take(share[name])) for name, L in s.lamps.items() if name in share]
     return sum(parts[1:], parts[0]) if parts else None
+
+
+def _indirect_on(material: str) -> Field:
+    def field(s: State) -> np.ndarray | None:
+        given, names = _indirect(s), s.shown.scene.material_names
+        if given is None or material not in names:
+            return None
+        return given * (s.take(s.shown.passes["material_id"]) == names.index(material))[..., None]
+
+    return field
 
 
 def _undrawn(s: State) -> np.ndarray | None:

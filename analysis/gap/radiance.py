@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.reflected import finely
+from analysis.gap.room import COARSER, leanings
 from interchange.camera import Camera, Lens, Sensor
 from interchange.effects import Effect
 from interchange.image import Image
@@ -52,7 +53,8 @@ Render = Callable[[Scene, Camera, Sequence[str], bool, int, Paths], Image]
 class Rendered:
     """What one camera sees of one arrangement: ``lamps`` {name: (H, W, 3)} at ``intensity``, and the passes.
 
-    ``ambient`` (H, W, 3): under radiance 1 from everywhere. ``indirect``: of each lamp, share of light that met another
+    ``ambient`` (H, W, 3): under radiance 1 from everywhere; ``leaning`` {axis: (H, W, 3)}: under radiance ω_axis from
+    the direction ω, over that. ``indirect``: of each lamp, share of light that met another
     surface first, (H, W, 3); none where the renderer draws none, but ``undrawn``: the radiance of each that paths have,
     (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer; none where that would
     be too much. ``coarse``: how many of the sensor's pixels
@@ -76,6 +78,7 @@ class Rendered:
     origin: "Rendered | None" = None
     standing: Changes = ()
     elsewhere: tuple["Rendered", ...] = ()
+    leaning: dict[str, np.ndarray] = field(default_factory=dict)
 
     def nearest(self, scene: Changes) -> "Rendered":
         """Of this and ``elsewhere`` the one where most of ``scene`` is in force, and nothing else."""
@@ -201,6 +204,10 @@ def _rendered(
     arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, settings))
     scale = float(arrays.get("scale", 1.0))
     fine = {name: arrays[f"fine:{name}"] for name in intensity if f"fine:{name}" in arrays}
+    around = kept_on_disk(
+        cache / f"{fingerprint((key, COARSER))[:32]}.npz",
+        lambda: _leaning(scene, camera, arrays, render),
+    )
     return Rendered(
         scene=scene,
         camera=camera,
@@ -216,6 +223,7 @@ def _rendered(
         fine=fine,
         scale=scale,
         undrawn={k.removeprefix("undrawn:"): v for k, v in arrays.items() if k.startswith("undrawn:")},
+        leaning=around,
     )
 
 
@@ -260,6 +268,21 @@ def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, An
     else:
         out |= {f"light:{n}": p for n, p in lamps.items()}
     return {**out, "rest": rest, AMBIENT: ambient}
+
+
+def _leaning(
+    scene: Scene, camera: Camera, arrays: Mapping[str, np.ndarray], render: Render
+) -> dict[str, np.ndarray]:
+    def drawn(eye: Camera, light: Light) -> np.ndarray:
+        lit = replace(scene, lights=(light,) if light.is_on else ())
+        return render(lit, eye, (), False, 1, Paths.ALL).pixels
+
+    def alone(eye: Camera, light: Light) -> np.ndarray:
+        """Without what shines by itself."""
+        return drawn(eye, light) - drawn(eye, replace(light, intensity=(0.0, 0.0, 0.0)))
+
+    shines = bool(arrays["rest"].any())
+    return leanings(alone if shines else drawn, camera, surfaces(arrays), arrays["normal"])
 
 
 def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dict[str, np.ndarray]:

@@ -340,7 +340,8 @@ class Search:
     ) -> Stand:
         """``changes``: of each cause that is in force at ``at``; ``kept``: sensitivities that a stand before had."""
         free = {t.candidate for t in self.terms if t.family is not None}  # of any form
-        forms = form_terms({c: change for c, change in changes.items() if c not in free})
+        cameras = list(dict.fromkeys(c.camera.name for c in self.conditions))
+        forms = form_terms({c: change for c, change in changes.items() if c not in free}, cameras)
         every = [*self.terms, *forms]
         at_all = np.append(at, np.zeros(len(forms)))
         model = self.model(at, at)

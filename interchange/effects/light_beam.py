@@ -1,4 +1,6 @@
-"""A lamp shines less to the side than the scene says: I(θ) = I(0) cos^m θ about its axis.
+"""A lamp shines less to the side than the scene says: I(θ) = I(0) |cos θ|^m exp(q (1 - |cos θ|)²) about its axis.
+
+A die under a lens is no power of a cosine; q says what one leaves further out.
 
 A lamp without a beam of its own is turned to the scene's middle.
 """
@@ -9,9 +11,12 @@ import numpy as np
 
 from interchange.effects.base import Effect, Stage
 from interchange.effects.parts import with_lights
-from interchange.light import Light, LightKind
+from interchange.light import Light, LightKind, Profile
 from interchange.parameter import parameter
+from interchange.problems import BrightfieldError
 from interchange.scene import Scene
+
+STEPS = 361  # angles of a profile
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,9 @@ class LightBeam(Effect):
     separated_by = "the same lamp from another pose of the camera, a flat plate in view"
 
     m: float = parameter(0.0, "m", "1", -0.9, 1e3, "exponent of the cosine, beside the lamp's own")
+    q: float = parameter(
+        0.0, "q", "1", -100, 10, "logarithm of how much more there is at right angles, beside m"
+    )
 
     def on_scene(self, scene: Scene, target: str = "") -> Scene:
         if not self.is_there:
@@ -38,9 +46,37 @@ class LightBeam(Effect):
             axes = beam_axes(light, middle)
             there = light.world_from_light.copy()
             there[:3, :3] = axes
-            return replace(light, world_from_light=there, focus=light.focus + self.m)
+            light = replace(light, world_from_light=there, focus=light.focus + self.m)
+            return light if self.q == 0 else replace(light, profile=profiles(light))
+
+        tables: dict[int, Profile] = {}
+
+        def profiles(light: Light) -> Profile:  # lamps that share one go on sharing it
+            if light.projector is not None:
+                raise BrightfieldError(f"What {light.name} projects would have to be another picture.")
+            key = id(light.profile)
+            if key not in tables:
+                tables[key] = self._over(light.profile)
+            return tables[key]
 
         return with_lights(scene, target, change)
+
+    def _over(self, own: Profile | None) -> Profile:
+        """A profile's own angles and, between them, enough for what bends there."""
+        if own is None:
+            own = Profile(np.zeros(1), np.array([0.0, np.pi]), np.ones((1, 2)))
+        fine = np.linspace(0, np.pi, STEPS)
+        low, high = own.vertical[0], own.vertical[-1]
+        vertical = np.unique(np.concatenate([own.vertical, fine[(fine > low) & (fine < high)]]))
+        candela = np.stack([own.evaluate(vertical, np.full(len(vertical), h)) for h in own.horizontal])
+        return replace(
+            own, vertical=vertical, candela=candela * further_out(np.cos(vertical), self.q), file=""
+        )
+
+
+def further_out(cos: np.ndarray, q: float) -> np.ndarray:
+    """What q makes of the light at an angle with this cosine to the lamp's axis, over what there is."""
+    return np.asarray(np.exp(q * np.square(1 - np.abs(cos))))
 
 
 def beam_axes(light: Light, middle: np.ndarray) -> np.ndarray:

@@ -4,8 +4,9 @@ materials. What does not differ stays as it stands in the file, and so do refere
 A value that differs alike in every frame stays one value; one that differs from frame to frame gets time samples.
 """
 
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from interchange.brdf.sum import Sum
 from interchange.camera import Camera
-from interchange.formats import usd_lamp, usd_sensor
+from interchange.formats import ies_write, usd_lamp, usd_sensor
 from interchange.formats.usd_author import (
     TYPES,
     author_brdf,
@@ -24,7 +25,7 @@ from interchange.formats.usd_author import (
     usd_value,
 )
 from interchange.formats.usd_preview import preview_of
-from interchange.formats.usd_textures import author_textures, lay, only_laid
+from interchange.formats.usd_textures import author_textures, in_a_file, lay, only_laid
 from interchange.formats.usd_values import matrix
 from interchange.light import Light, LightKind
 from interchange.material import Material
@@ -57,9 +58,14 @@ def author_changes(stage: Usd.Stage, frames: Sequence[Frame], textures: Path | N
     for name in dict.fromkeys(x.name for f in frames for x in f.old.lights):
         pairs = [(f.time, *_both(f.old.lights, f.new.lights, name)) for f in frames]
         if any(a is not b for _, a, b in pairs):
-            _light(stage, name, pairs, lose)
+            _light(stage, name, pairs, textures, lose)
     known = {x.name for f in frames for x in f.old.lights}
     for light in {x.name: x for f in frames for x in f.new.lights if x.name not in known}.values():
+        if light.texture is not None and not light.texture.file:
+            if textures is None:
+                lose(light.name, "Its map would have to be another file.")
+                continue
+            light = replace(light, texture=in_a_file(light.texture, light.name, "map", textures))
         root = stage.GetDefaultPrim()
         author_light(
             stage, free_path(stage, str(root.GetPath()) if root else "", light.name.strip("/")), light
@@ -153,13 +159,21 @@ def _motion(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     return np.asarray(after @ np.linalg.inv(before))
 
 
-def _light(stage: Usd.Stage, name: str, pairs: Sequence[tuple[float, Light, Light]], lose: Lose) -> None:
+def _light(
+    stage: Usd.Stage,
+    name: str,
+    pairs: Sequence[tuple[float, Light, Light]],
+    files: Path | None,
+    lose: Lose,
+) -> None:
     prim = stage.GetPrimAtPath(name)
     _, before, after = pairs[0]
     if any(not np.array_equal(a.world_from_light, b.world_from_light) for _, a, b in pairs):
         move(stage, name, [(t, _motion(a.world_from_light, b.world_from_light)) for t, a, b in pairs], lose)
-    if before.profile is not after.profile or before.texture is not after.texture:
-        lose(name, "Its measured beam or its texture would have to be another file.")
+    if before.texture is not after.texture:
+        lose(name, "Its texture would have to be another file.")
+    if before.profile is not after.profile:
+        _profile(prim, before, after, files, lose)
     _sizes(prim, pairs)
     shaped = ("cone_angle", "cone_softness", "focus")
     if any(getattr(a, f) != getattr(b, f) for _, a, b in pairs for f in shaped):
@@ -200,6 +214,21 @@ def _light(stage: Usd.Stage, name: str, pairs: Sequence[tuple[float, Light, Ligh
         if any(np.ptp(r) > 1e-9 for _, r in factors):
             lit = [(t, r / r.max()) for (t, r), (_, a, _) in zip(factors, pairs, strict=True) if a.is_on]
             scale(prim, "inputs:color", NAMES.Color3f, lit)
+
+
+def _profile(prim: Any, before: Light, after: Light, files: Path | None, lose: Lose) -> None:
+    """Its measured beam, in a file of its own whose name begins with ``files``."""
+    if files is None or after.profile is None or before.profile_angle_scale != after.profile_angle_scale:
+        lose(before.name, "Its measured beam would have to be another file.")
+        return
+    path = files.with_name(f"{files.name}_{re.sub(r'[^0-9A-Za-z]+', '_', before.name.strip('/'))}.ies")
+    ies_write.write(path, after.profile)
+    new = not prim.HasAPI(UsdLux.ShapingAPI)
+    api = UsdLux.ShapingAPI.Apply(prim)
+    if new:
+        api.CreateShapingConeAngleAttr(float(np.degrees(after.cone_angle)))
+    api.CreateShapingIesFileAttr(path.name)
+    api.CreateShapingIesNormalizeAttr(False)
 
 
 def _sizes(prim: Any, pairs: Sequence[tuple[float, Light, Light]]) -> None:

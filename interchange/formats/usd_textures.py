@@ -83,9 +83,14 @@ def author_textures(
     inputs ``known``. Why not, or ""."""
     if strange := [name for name in textures if name not in known]:
         return f"Its {strange[0]} is of a part, whose textures are not written."
-    word = re.sub(r"\W+", "_", material.strip("/"))
     for name, texture in textures.items():
-        path = beside.with_name(f"{beside.name}_{word}_{name}.exr")
-        exr.write(path, Image(texture.pixels))
-        author_texture(shader, name, replace(texture, file=path.name))
+        author_texture(shader, name, in_a_file(texture, material, name, beside))
     return ""
+
+
+def in_a_file(texture: Texture, of: str, name: str, beside: Path) -> Texture:
+    """The texture, written to a file whose name begins with ``beside`` and tells what it is ``of``."""
+    word = re.sub(r"\W+", "_", of.strip("/"))
+    path = beside.with_name(f"{beside.name}_{word}_{name}.exr")
+    exr.write(path, Image(texture.pixels))
+    return replace(texture, file=path.name)

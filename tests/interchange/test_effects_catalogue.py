@@ -29,7 +29,7 @@ from interchange.effects.shadow import TWIN, Shadow
 from interchange.effects.texture import Texture, box_uv, painted
 from interchange.effects.translucency import Translucency
 from interchange.image import Image
-from interchange.light import Light, LightKind
+from interchange.light import Light, LightKind, Profile, latlong_uv
 from interchange.material import Material, evaluate_texture
 from interchange.mesh import Mesh
 from interchange.parameter import parameters
@@ -190,6 +190,19 @@ def test_lamps_change_as_their_effects_say(scene):
     assert AmbientLight.within({"L": -1.0}) == {"L": 0.0}
     with pytest.raises(BrightfieldError, match="negative"):
         AmbientLight(L=1, red=0.5, blue=0.6).on_scene(scene)
+    room = AmbientLight(L=2, red=-1, blue=1, x=0.3, y=-0.4, z=0.5)
+    lit = room.on_scene(scene).lights[-1]
+    assert lit.texture is not None
+    way = np.array([[1.0, 0, 0], [0, -1, 0], [0.6, 0, 0.8], [0, 0, -1]])
+    seen = (
+        evaluate_texture(lit.texture, latlong_uv(way)) * lit.radiance
+    )  # bilinear over 32 rows: half a percent
+    assert seen == pytest.approx(np.array([1, 2, 3]) + (way @ room.toward)[:, None], rel=5e-3)
+    assert AmbientLight.within({"L": 1.0, "x": 3.0, "z": -4.0}) == pytest.approx(
+        {"L": 1, "x": 0.6, "y": 0, "z": -0.8}
+    )
+    with pytest.raises(BrightfieldError, match="darkest side"):
+        AmbientLight(L=1, x=0.9, y=0.9).on_scene(scene)
 
 
 def test_a_beam_falls_off_by_its_cosine_about_the_lamps_axis(scene):
@@ -202,6 +215,12 @@ def test_a_beam_falls_off_by_its_cosine_about_the_lamps_axis(scene):
         theta = np.linspace(0, 1.4, 8)
         direction = np.stack([np.sin(theta), 0 * theta, -np.cos(theta)], -1)
         assert light.shaping(direction)[:, 0] == pytest.approx(np.cos(theta) ** 2.5)
+        own = Profile(np.zeros(1), np.array([0.0, np.pi]), np.array([[1.0, 3.0]]))  # 1 + 2 θ / π
+        for beside, factor in ((None, 1.0), (own, 1 + 2 * theta / np.pi)):
+            bare = replace(scene, lights=(replace(light, profile=beside),))
+            more = LightBeam(q=-1.5).on_scene(bare).lights[0].shaping(direction)[:, 0]
+            said = factor * np.cos(theta) ** 2.5 * np.exp(-1.5 * (1 - np.cos(theta)) ** 2)
+            assert more == pytest.approx(said, rel=2e-4)  # a straight line over half a degree
 
 
 def test_light_in_shadows_is_a_second_lamp(scene):

@@ -60,6 +60,35 @@ def test_what_is_written_is_read_again(turned: bool, tmp_path: Path) -> None:
     _same(document.scene(0), before)
 
 
+def test_what_a_lamp_gets_is_in_a_file_beside(tmp_path: Path) -> None:
+    """A beam that is no power of a cosine, and a room that is brighter to one side: a profile of half degrees and a map
+    of half floats, to their own precision. Without a place for files, both are told as lost."""
+    document = open_scene(BENCH)
+    old = document.scene(0)
+    new = MODELS["light_beam"](m=0.3, q=-0.8).on_scene(old)
+    new = MODELS["ambient_light"](L=0.4, red=0.1, x=0.1, z=0.2).on_scene(new)
+    frames = [Frame(0.0, old, new)]
+    lost = author_changes(document.stage, frames)
+    assert {p.where.prim for p in lost} == {"/AmbientLight", *(x.name for x in old.lights)}
+    document = open_scene(BENCH)
+    assert author_changes(document.stage, frames, tmp_path / "new") == []
+    document.save(tmp_path / "new.usda")
+    document.stage.Reload()
+    found = open_scene(tmp_path / "new.usda").scene(0)
+    away = np.random.default_rng(1).normal(size=(200, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    for a, b in zip(found.lights, new.lights, strict=True):
+        assert a.is_on == b.is_on
+        in_the_world = [away @ x.world_from_light[:3, :3] for x in (a, b)]
+        shaped = [x.shaping(w) for x, w in zip((a, b), in_the_world, strict=True)]
+        assert shaped[0] == pytest.approx(shaped[1], rel=2e-4, abs=1e-5)
+    room, wanted = found.lights[-1], new.lights[-1]
+    assert room.texture is not None and wanted.texture is not None
+    assert room.world_from_light == pytest.approx(wanted.world_from_light)
+    said = [x.texture.pixels * x.intensity for x in (room, wanted) if x.texture is not None]
+    assert said[0] == pytest.approx(said[1], rel=1e-3)
+
+
 def _same(found: Scene, wanted: Scene) -> None:
     for a, b in zip(found.cameras, wanted.cameras, strict=True):
         assert a.world_from_camera == pytest.approx(b.world_from_camera, abs=1e-7)
