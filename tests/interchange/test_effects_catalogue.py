@@ -194,10 +194,11 @@ def test_lamps_change_as_their_effects_say(scene):
     lit = room.on_scene(scene).lights[-1]
     assert lit.texture is not None
     way = np.array([[1.0, 0, 0], [0, -1, 0], [0.6, 0, 0.8], [0, 0, -1]])
-    seen = (
-        evaluate_texture(lit.texture, latlong_uv(way)) * lit.radiance
-    )  # bilinear over 32 rows: half a percent
-    assert seen == pytest.approx(np.array([1, 2, 3]) + (way @ room.toward)[:, None], rel=5e-3)
+    seen = evaluate_texture(lit.texture, latlong_uv(way)) * lit.radiance
+    said = np.array([1, 2, 3]) + (way @ room.toward)[:, None]
+    assert seen == pytest.approx(
+        said, abs=0.02
+    )  # |g| = 0.7; at a pole the map's half row, 0.025, is what there is
     assert AmbientLight.within({"L": 1.0, "x": 3.0, "z": -4.0}) == pytest.approx(
         {"L": 1, "x": 0.6, "y": 0, "z": -0.8}
     )

@@ -83,7 +83,8 @@ def test_what_a_lamp_gets_is_in_a_file_beside(tmp_path: Path) -> None:
         shaped = [x.shaping(w) for x, w in zip((a, b), in_the_world, strict=True)]
         assert shaped[0] == pytest.approx(shaped[1], rel=2e-4, abs=1e-5)
     room, wanted = found.lights[-1], new.lights[-1]
-    assert room.texture is not None and wanted.texture is not None
+    assert room.texture is not None
+    assert wanted.texture is not None
     assert room.world_from_light == pytest.approx(wanted.world_from_light)
     said = [x.texture.pixels * x.intensity for x in (room, wanted) if x.texture is not None]
     assert said[0] == pytest.approx(said[1], rel=1e-3)
