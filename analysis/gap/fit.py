@@ -18,6 +18,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fall_off import without_rises
+from analysis.gap.form_terms import SHARE
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -287,9 +288,11 @@ def in_its_place(
 def believed(
     probability: dict[Cause, float], causes: Sequence[Cause], evidence: Evidence, theta: np.ndarray
 ) -> dict[Cause, float]:
-    """The probabilities of the effects among ``causes``, lower where experience says that the evidence is too sure:
+    """The probabilities of ``causes``, lower where experience says that the evidence is too sure:
 
-        p E / (E + E_unknown)                        beside something without a name, as far as it outweighs that
+        p E / (E + E_unknown)                        of an effect beside something without a name, as it outweighs that
+        p E / (E + SHARE² E_named)                   of that beside effects, whose formulas may miss a share of what
+                                                     they change (analysis.gap.form_terms)
         p min(1, 2 |Δ + Δ_o|² / max(|Δ|², |Δ_o|²))   where some of the others undo more than half of what it changes
 
     Δ: what a cause changes, Δ_o: what others of the named ones do together (of all choices of them the worst), in the
@@ -316,6 +319,9 @@ def believed(
         others = [chosen for k in range(1, len(named)) for chosen in combinations(rest, k)]
         undone = [energy([c, *chosen]) / max(own, energy(chosen)) for chosen in others]
         out[c] *= min([1.0, *(x / UNDONE for x in undone)]) * own / (own + unknown)
+    missed = SHARE**2 * sum(energy([c]) for c in named)
+    for c in (c for c in causes if generic[c]):
+        out[c] *= energy([c]) / (energy([c]) + missed)
     return out
 
 

@@ -13,6 +13,7 @@ from analysis.gap.corrected import Change, changed
 from analysis.gap.diagnosis import Finding, names
 from analysis.gap.expected import Expected
 from analysis.gap.fit import fit
+from analysis.gap.form_terms import MODULATIONS, Changed, form_terms
 from analysis.gap.generic_terms import image_wave
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.sensitivities import drawn
@@ -141,3 +142,19 @@ def test_flat_fields_may_differ_from_channel_to_channel_by_a_part_of_their_toler
     assert [np.flatnonzero(np.abs(x).sum(axis=(0, 1))).tolist() for x in parts] == [[0], [1], [2]]
     assert terms[0].field(State(next(c for c in found if c.camera.name == RIGHT))) is None
     assert color_shading([replace(c, mean=c.mean[..., :1]) for c in found], Tolerances()) == []
+
+
+def test_forms_of_what_all_cameras_have_differ_from_one_to_the_other(found: list[Condition]) -> None:
+    """A vignetting's may be another in each camera; one camera's effect and a lamp's have but one."""
+    states = [State(c) for c in found]
+    change = {c.name: Changed(np.full_like(s.signal, 2.0), {}) for c, s in zip(found, states, strict=True)}
+    for cause, more in ((("vignetting", ""), 2), (("vignetting", LEFT), 0), (("light_beam", ""), 0)):
+        forms = form_terms({cause: change}, [LEFT, RIGHT])
+        assert len(forms) == (1 + more) * len(MODULATIONS)
+        assert form_terms({cause: change}, [LEFT])[0].target == forms[0].target
+    whole = form_terms({("vignetting", ""): change}, [LEFT, RIGHT])
+    shown = {camera: [t.column(s) is not None for s in states for t in whole if t.target.endswith(camera)]
+             for camera in (LEFT, RIGHT)}  # fmt: skip
+    n = len(MODULATIONS)
+    assert [any(shown[LEFT][k * n : (k + 1) * n]) for k in range(3)] == [True, True, False]
+    assert [any(shown[RIGHT][k * n : (k + 1) * n]) for k in range(3)] == [False, False, True]

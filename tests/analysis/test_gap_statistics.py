@@ -96,6 +96,19 @@ def test_causes_that_undo_each_other_are_in_doubt_and_no_other(rng: np.random.Ge
     assert list(alike.values()) == pytest.approx([1.0, 1.0, 1.0])
 
 
+def test_what_an_effects_formula_may_miss_is_no_unknown(rng: np.random.Generator) -> None:
+    """Something without a name of a tenth of an effect is as probable as not to be its formula's; of the effect's own
+    size it is itself, and alone it is what it is."""
+    X = np.linalg.qr(rng.standard_normal((4000, 2)))[0] * np.sqrt(4000)
+    named, unnamed = _terms(["a", "b"], 0.002)
+    evidence = Evidence(_equations(X, X @ [1, 0.1]), [named, replace(unnamed, generic=True)])
+    causes = (("a", ""), ("b", ""))
+    sure = dict.fromkeys(causes, 1.0)
+    for size, said in ((0.1, 0.5), (1.0, 1 / 1.01)):
+        assert believed(sure, causes, evidence, np.array([1.0, size]))["b", ""] == pytest.approx(said)
+    assert believed(sure, causes[1:], evidence, np.array([1.0, 0.1]))["b", ""] == 1
+
+
 def test_noise_alone_has_no_cause() -> None:
     """Ten draws; one cause called in a hundred thousand hypotheses would be chance."""
     for seed in range(10):
