@@ -4,7 +4,7 @@ A set of causes is fitted again, with what calibration may be off by: what was f
 does, and goes with it (Lindeman, Merenda, Gold: Introduction to bivariate and multivariate analysis, 1980).
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,11 +145,13 @@ def refitted(fitted: Fit, causes: Sequence[Cause]) -> Model:
     return replace(less, theta=less.theta + np.where(still, 0.0, (fewer - best)[: len(still)]))
 
 
-def waterfall(g: Gap, attribution: Attribution) -> tuple[Step, ...]:
-    """From the scene file as written to noise; the steps add up to its mean χ²."""
+def waterfall(g: Gap, attribution: Attribution, known: Mapping[str, float]) -> tuple[Step, ...]:
+    """From the scene file as written to noise; the steps add up to its mean χ². ``known``: what effects take off that
+    were known before anything was fitted."""
+    off = {n: known.get(n, 0.0) + attribution.share.get(n, 0.0) for n in (*known, *attribution.share)}
     effects = [
         Step(n, "effect" if n in CATALOGUED else "unknown", s)
-        for n, s in sorted(attribution.share.items(), key=lambda x: -x[1])
+        for n, s in sorted(off.items(), key=lambda x: -x[1])
     ]
     return (
         Step("calibration within tolerances", "calibration", g.as_written**2 - g.before**2),

@@ -5,7 +5,7 @@ into a copy of the scene file, and all else stays as it was: calibration's error
 written, since they are no findings.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -50,14 +50,20 @@ class Change:
 
 
 def write_corrected(
-    document: Document, captures: Captures, changes: Sequence[Change], path: Path
+    document: Document,
+    captures: Captures,
+    changes: Sequence[Change],
+    path: Path,
+    known: Callable[[Scene], Scene] = lambda scene: scene,
 ) -> dict[str, str]:
-    """Write the scene to ``path``; returns the effects that it cannot carry, each with the reason."""
+    """Write the scene to ``path``; returns the effects that it cannot carry, each with the reason. ``known``: what was
+    known of it before, on which the changes are."""
     times = sorted({*document.times, *(c.time for c in captures.captures)})
     left: dict[str, str] = {}
     frames = []
     for time in times:
-        old = new = document.scene(time)
+        old = document.scene(time)
+        new = known(old)
         for change in changes:
             try:
                 new, same = changed(new, old, change), new

@@ -25,12 +25,15 @@ from analysis.gap.conditions import Condition, conditions, with_renderings
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
+from analysis.gap.encoded import Screen, as_encoded, encoded
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
+    CURVE,
     beside_unknown,
     effects_found,
     noise_effect,
     what_is_unknown,
+    with_curve,
 )
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
@@ -52,7 +55,7 @@ from analysis.gap.shrinkage import Yardstick, yardstick
 from analysis.gap.structure import twin_off
 from analysis.gap.sureness import TEMPERATURE, cooled
 from analysis.gap.terms import Term
-from analysis.gap.verdict import Simulations, verdict
+from analysis.gap.verdict import Simulations, against, verdict
 from analysis.gap.verify import verified
 from analysis.gap.written import written
 from interchange.captures import Captures
@@ -108,6 +111,8 @@ def diagnose(
     )
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
+    screens = encoded(whole)
+    whole, as_said = as_encoded(whole, screens), {c.name: c.camera for c in whole}
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
 
@@ -148,7 +153,14 @@ def diagnose(
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
     taken = attribution(fitted, held, v.by, v.shown.before, v.after, v.maps, told)
+    known: dict[str, float] = {}
+    if screens:  # the file says nothing of them, so they are its to close
+        v = against(v, [replace(c, camera=as_said[c.name]).simulated().dn for c in held])
+        known[CURVE] = v.gap.before**2 - shrunk.before**2
+        shrunk = v.gap
     findings = effects_found(fitted, taken, shrunk)
+    if screens:
+        findings = with_curve(findings, known[CURVE], shrunk, _alone(screens, whole))
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     left_at = (
@@ -170,14 +182,16 @@ def diagnose(
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
-    left = written(document, captures, all_of_them, fitted, findings, noise, v.maps is not None, scene_file)
+    left = written(
+        document, captures, all_of_them, fitted, findings, noise, v.maps is not None, screens, scene_file
+    )
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
         check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told)
-    told_of = notes(all_of_them, fitted, where, judged, forged, left, lines)
+    told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
     diagnosis = Diagnosis(
@@ -188,7 +202,7 @@ def diagnose(
         corrected_scene=scene_file.name,
         seconds=time.monotonic() - began,
         notes=tuple(told_of),
-        waterfall=waterfall(shrunk, taken),
+        waterfall=waterfall(shrunk, taken, known),
         edges=_edges(held, v.by, v.shown),
         metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
         verification=check,
@@ -198,6 +212,12 @@ def diagnose(
         left=v.left,
     )
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, v.shown)
+
+
+def _alone(screens: Sequence[Screen], found: Sequence[Condition]) -> list[str]:
+    """The cameras whose captures are encoded, where others' are not."""
+    own = [s.camera for s in screens]
+    return own if {c.camera.name for c in found} - set(own) else []
 
 
 def is_noise_of(weighed: Fit, before: Fit) -> bool:

@@ -1,5 +1,6 @@
 """Whether captures are encoded for a screen where the scene says that they are linear: most of what leaves a camera as
-a picture is, and a curve that a file applied is no effect of the camera.
+a picture is. The curve is known, so it is taken for what it is before anything is fitted: no number of a response curve
+follows its straight toe, and what it leaves would be taken for effects that are not there.
 
 Over all pixels of a camera the captures' DN are a function of the simulated ones. Medians of ``BINS`` steps of it are
 fitted by a line and by the curve of IEC 61966-2-1 (sRGB), each with a gain and an offset of its own; a black level that
@@ -7,11 +8,14 @@ was taken off before is part of the gain and the offset.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from interchange.camera import Camera
 from interchange.effects.response_curve import ResponseCurve
+from interchange.scene import Scene
 from interchange.sensor import Response
 
 BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
@@ -20,27 +24,60 @@ BENT = 0.01  # of the captures' range, rms, that a line leaves at least
 BETTER = 10.0  # times as much (squared) that it leaves as sRGB's curve does
 
 
-def encoded(found: Sequence[Condition]) -> list[str]:
+@dataclass(frozen=True)
+class Screen:
+    """A camera whose captures are encoded; ``black_off``: whether its black level was taken off before."""
+
+    camera: str
+    black_off: bool
+
+    def of(self, camera: Camera) -> Camera:
+        """The camera as its captures are."""
+        if camera.name != self.camera:
+            return camera
+        black = 0.0 if self.black_off else camera.sensor.black_level
+        return replace(camera, sensor=replace(camera.sensor, response=Response.SRGB, black_level=black))
+
+
+def encoded(found: Sequence[Condition]) -> list[Screen]:
     """The cameras of which that is so."""
     cameras: dict[str, list[Condition]] = {}
     for c in found:
         s = c.camera.sensor
         if s.response is Response.LINEAR and s.gamma == 1 and not s.bow:
             cameras.setdefault(c.camera.name, []).append(c)
-    return [name for name, own in cameras.items() if _is_encoded(own)]
+    return [Screen(name, off) for name, own in cameras.items() if (off := _black_off(own)) is not None]
 
 
-def _is_encoded(own: Sequence[Condition]) -> bool:
+def as_encoded(found: Sequence[Condition], screens: Sequence[Screen]) -> list[Condition]:
+    """The conditions with their cameras as the captures are."""
+    of = {s.camera: s.of for s in screens}
+    return [replace(c, camera=of[c.camera.name](c.camera)) if c.camera.name in of else c for c in found]
+
+
+def on_scene(scene: Scene, screens: Sequence[Screen]) -> Scene:
+    """The same in a scene."""
+    of = {s.camera: s.of for s in screens}
+    return replace(scene, cameras=tuple(of[c.name](c) if c.name in of else c for c in scene.cameras))
+
+
+def _black_off(own: Sequence[Condition]) -> bool | None:
+    """Whether black is gone from captures that follow the curve; None of those that do not."""
     x, y = (np.concatenate(parts) for parts in zip(*(_pairs(c) for c in own), strict=True))
     if len(x) < BINS * LEAST:
-        return False
+        return None
     steps = np.array_split(np.argsort(x, kind="stable"), BINS)
     x, y = (np.array([np.median(plane[i]) for i in steps]) for plane in (x, y))
     line = np.stack([x, np.ones(BINS)], axis=1)
     straight = float(np.square(y - line @ np.linalg.lstsq(line, y, rcond=None)[0]).mean())
     curve = ResponseCurve(response=Response.SRGB).curve
-    bent = min(float((y - curve(np.clip(g * x, 0, 1))).var()) for g in GAINS)
-    return straight > max(BENT * np.ptp(y), 1e-12) ** 2 and straight > BETTER * bent
+    off = [y - curve(np.clip(g * x, 0, 1)) for g in GAINS]
+    best = min(off, key=lambda d: float(d.var()))
+    if straight <= max(BENT * np.ptp(y), 1e-12) ** 2 or straight <= BETTER * best.var():
+        return None
+    sensor = own[0].camera.sensor
+    black = sensor.black_level / (2**sensor.bit_depth - 1)
+    return bool(abs(best.mean()) < abs(best.mean() - black))
 
 
 def _pairs(c: Condition) -> tuple[np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ from analysis.gap.terms import Cause, together
 from interchange.effects.parts import called
 from interchange.sensor import Sensor
 
+CURVE, SURE = "response_curve", 0.999
 EVERY = {  # what an effect is about whose target is none, where one of them could have it
     "light_position": "all lamps",
     "light_size": "all lamps",
@@ -63,7 +64,7 @@ def effects_found(fitted: Fit, taken: Attribution, shrunk: Gap) -> list[Finding]
         out.append(
             Finding(
                 name=name,
-                probability=min(max(fitted.probability[c] for c in own), 0.999),
+                probability=min(max(fitted.probability[c] for c in own), SURE),
                 parameters=estimates,
                 rivals=rivals,
                 separate_by=separate,
@@ -111,6 +112,19 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
             if with_own > 1e-3:
                 chances[cause[0]] = chances.get(cause[0], 0.0) + min(float(with_own), p)
     return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
+
+
+def with_curve(
+    findings: Sequence[Finding], taken_off: float, shrunk: Gap, cameras: Sequence[str]
+) -> list[Finding]:
+    """With the response curve that captures of ``cameras`` are encoded by, which was known before anything was fitted:
+    it has taken ``taken_off`` off the mean χ², beside what one that was found takes off."""
+    share = taken_off / shrunk.before**2
+    own = Finding(CURVE, SURE, {}, (), None, shrunk.before, shrunk.after, share, tuple(map(called, cameras)))
+    for f in findings:
+        if f.name == CURVE:
+            own = replace(own, parameters=f.parameters, share=share + f.share)
+    return [own, *(f for f in findings if f.name != CURVE)]
 
 
 def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Finding:

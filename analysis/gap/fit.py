@@ -16,7 +16,7 @@ from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.color_shading import color_shading
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.evidence import TAU, Evidence, Hypothesis
 from analysis.gap.fall_off import without_rises
 from analysis.gap.form_terms import SHARE
 from analysis.gap.generic_terms import generic_terms
@@ -139,20 +139,36 @@ def fit(
     first = search.averaged(first)
     stands = _followed(search, first, redraw is not None) if first.best.causes else []
     chosen = max(stands or [first], key=lambda s: s.best.score)
-    if _gain(chosen) > CLEAR * _gain(first) > 0:
+    if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
     far, kept = search.far(chosen), first.kept
     if redraw is not None and far:  # before tolerances look larger by what light does between surfaces
         search = search.elsewhere(redraw(conditions, far))
         chosen, kept = search.gone_on(search.stand(chosen.at, {}, "evidence", {}), "fit anew"), {}
     if chosen is not first:
-        chosen = _rescaled(search, kept, chosen)
+        chosen = no_surer_than_at_home(first, _rescaled(search, kept, chosen))
     return replace(_fit(search, chosen), redrawn=far, factors=search.widths.factors)
 
 
 def _gain(stand: Stand) -> float:
     """Of log Z, over calibration's errors alone."""
     return stand.best.score - next(h for h in stand.hypotheses if not h.causes).score
+
+
+def no_surer_than_at_home(first: Stand, stand: Stand) -> Stand:
+    """Where the best hypothesis gains little over none, it stands so near that both linearisations hold: the one at
+    home, ``first``, and the one where it was followed to, which was chosen for it. It is as sure as the less sure of
+    both makes it, so that what is followed because it gains a little is not surer for having been followed."""
+    gain = _gain(stand)
+    if not 0 < gain < WORTH or not set(stand.best.causes) <= set(first.evidence.members):
+        return stand
+    there = {h.causes: h.score for h in first.hypotheses}
+    own = first.evidence.best(stand.best.causes, {})
+    more = gain - max(there.get(own.causes, own.score) - there[()], 0.0)  # that none is better by at home
+    if more <= 0:
+        return stand
+    raised = [h if h.causes else replace(h, log_Z=h.log_Z + more * TAU) for h in stand.hypotheses]
+    return replace(stand, hypotheses=tuple(sorted(raised, key=lambda h: -h.score)))
 
 
 def _rescaled(search: Search, kept: dict[str, Sensitivities], chosen: Stand) -> Stand:

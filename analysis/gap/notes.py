@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from analysis.gap import aperture
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
-from analysis.gap.encoded import encoded
+from analysis.gap.encoded import Screen
 from analysis.gap.findings import cautious
 from analysis.gap.fit import Fit
 from analysis.gap.ledger import Ledger
@@ -25,13 +25,15 @@ def notes(
     forged: Sequence[NoiseFinding],
     left: dict[str, str],
     lines: Sequence[object],
+    screens: Sequence[Screen],
 ) -> list[str]:
     """``judged``: the effects of noise that were tried; ``forged``: those of them that were taken back; ``left``: what
-    the corrected scene does not carry, and why; ``lines``: rows and columns that were taken out of the captures before.
+    the corrected scene does not carry, and why; ``lines``: rows and columns that were taken out of the captures before;
+    ``screens``: cameras whose captures are encoded.
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
     found = [
-        *_encoded(conditions),
+        *_encoded(screens),
         *_refuted(fitted),
         *(taken_back(n.name) for n in forged),
         *cautious(fitted),
@@ -50,15 +52,15 @@ def notes(
     return found
 
 
-def _encoded(conditions: Sequence[Condition]) -> list[str]:
-    names = [called(name) for name in encoded(conditions)]
-    if not names:
+def _encoded(screens: Sequence[Screen]) -> list[str]:
+    if not screens:
         return []
+    names = " and ".join(called(s.camera) for s in screens)
+    black = ", with black taken off before" if all(s.black_off for s in screens) else ""
     return [
-        f"The captures of {' and '.join(names)} follow the curve of sRGB, and the scene says that they are linear. No "
-        f"number of a response curve follows that exactly, and what is found beside one may be what it leaves: take "
-        f'linear images, or write sensor:response = "sRGB" into the scene, and sensor:blackLevel = 0 if black was '
-        f"taken off, and diagnose again."
+        f"The captures of {names} follow the curve of sRGB{black}, and the scene says that they are linear: they are "
+        f"taken as they are, and the corrected scene says so. Dim parts of such images have coarser steps and bright "
+        f"ones finer than what light does; linear images of all bits of the sensor tell more."
     ]
 
 

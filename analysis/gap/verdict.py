@@ -83,6 +83,14 @@ def verdict(
     return told(written, each(written.after.simulated, conditions))
 
 
+def against(v: Verdict, written: Sequence[np.ndarray]) -> Verdict:
+    """The verdict where the file at its best is as it is ``written``, (H, W, C) DN of each held-out condition: all that
+    was taken for known before anything was fitted has been closed as well."""
+    shown = replace(v.shown, as_written=tuple(written), before=tuple(written))
+    shrunk = gap(v.by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
+    return replace(v, shown=shown, gap=shrunk)
+
+
 def _removed(v: Verdict) -> float:
     """Mean χ² that effects with a name take off."""
     return v.gap.before**2 - v.gap.after**2

@@ -1,6 +1,7 @@
 """What was found, written into the scene file, and what of it no scene file carries."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
@@ -8,6 +9,7 @@ from analysis.gap.chain_terms import signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import Finding
+from analysis.gap.encoded import Screen, on_scene
 from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.painted import patterns
@@ -31,15 +33,16 @@ def written(
     findings: Sequence[Finding],
     noise: Sequence[NoiseFinding],
     mapped: bool,
+    screens: Sequence[Screen],
     path: Path,
 ) -> dict[str, str]:
     """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
-    pixels are off by how much is known."""
+    pixels are off by how much is known; ``screens``: cameras whose captures are encoded."""
     changes = [
         *_changes(conditions, fitted, {f.name for f in findings}),
         *(_noise_change(n) for n in noise if n.name in WRITTEN),
     ]
-    left = write_corrected(document, captures, changes, path)
+    left = write_corrected(document, captures, changes, path, partial(on_scene, screens=screens))
     if mapped:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}

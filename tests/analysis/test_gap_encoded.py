@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition
-from analysis.gap.encoded import encoded
+from analysis.gap.encoded import Screen, as_encoded, encoded
 from analysis.gap.notes import _encoded
 from interchange.effects.response_curve import ResponseCurve
 from interchange.sensor import Response
@@ -28,7 +28,8 @@ def _as_if(condition: Condition, gain: float, curve: ResponseCurve, bits: int = 
 def test_srgb_is_told(gain: float) -> None:
     shaded = replace(PLATE, mean=PLATE.mean * (1 - 0.05 * COLUMN[..., None] ** 2).astype(np.float32))
     for c in (PLATE, shaded):
-        assert encoded([_as_if(c, gain, ResponseCurve(response=Response.SRGB))]) == ["/eye"]
+        found = encoded([_as_if(c, gain, ResponseCurve(response=Response.SRGB))])
+        assert [s.camera for s in found] == ["/eye"]
 
 
 @pytest.mark.parametrize("curve", [{}, {"gamma": 0.9}, {"gamma": 0.7}, {"bow": 0.1}])
@@ -47,8 +48,24 @@ def test_the_dark_tells_nothing() -> None:
     assert encoded([lit(np.zeros(SIZE[::-1]))]) == []
 
 
-def test_the_report_says_what_to_write() -> None:
-    (words,) = _encoded([_as_if(PLATE, 1.0, ResponseCurve(response=Response.SRGB))])
-    assert "captures of eye follow the curve of sRGB" in words
-    assert 'sensor:response = "sRGB"' in words
-    assert _encoded([PLATE]) == []
+@pytest.mark.parametrize("off", [False, True])
+def test_whether_black_was_taken_off_is_told(off: bool) -> None:
+    """A black level of a thirtieth of the range, kept beneath the curve or gone."""
+    sensor = replace(PLATE.camera.sensor, black_level=136.0)
+    plate = replace(PLATE, camera=replace(PLATE.camera, sensor=sensor))
+    black, top = 136.0, 2**sensor.bits_out - 1
+    signal = np.clip(0.9 * (plate.simulated().dn - black) / (top - black), 0, 1)
+    y = ResponseCurve(response=Response.SRGB).curve(signal)
+    dn = top * y if off else black + (top - black) * y
+    (told,) = encoded([replace(plate, mean=dn.astype(np.float32))])
+    assert told.black_off is off
+    assert told.of(plate.camera).sensor.black_level == (0 if off else 136)
+    assert told.of(plate.camera).sensor.response is Response.SRGB
+    (taken,) = as_encoded([plate], [told])
+    assert encoded([replace(taken, mean=dn.astype(np.float32))]) == []
+
+
+def test_the_report_says_how_they_are_taken() -> None:
+    (words,) = _encoded([Screen("/eye", True)])
+    assert "captures of eye follow the curve of sRGB, with black taken off before" in words
+    assert _encoded([]) == []

@@ -1,0 +1,55 @@
+"""What is followed because it gains a little is not surer for having been followed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.evidence import Evidence, Hypothesis
+from analysis.gap.fit import no_surer_than_at_home
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.stand import Stand
+from analysis.gap.terms import Term
+
+POSE, OTHER = ("object_pose", "/box"), ("exposure", "")
+
+
+def _stand(gain: float) -> Stand:
+    """A pose gains so much over none in log Z, and another cause 3 less."""
+    terms = tuple(Term(*c, "x", "1", 0.01, lambda s: None) for c in (POSE, OTHER))
+    e = NormalEquations(np.eye(2), np.zeros(2), 1.0, 100.0, np.full(2, 100.0))
+    said = [((POSE,), gain), ((), 0.0), ((OTHER,), gain - 3)]
+    hypotheses = [Hypothesis(causes, (0.01,) * len(causes), x, 0.0) for causes, x in said]
+    best_first = tuple(sorted(hypotheses, key=lambda h: -h.score))
+    return Stand(terms, np.zeros(2), Evidence(e, terms), (), best_first, {})
+
+
+@pytest.mark.parametrize(
+    ("home", "there", "left"),
+    [
+        (0.5, 3.0, 0.5),  # the less sure of both
+        (
+            -2.0,
+            3.0,
+            0.0,
+        ),  # at home none is better: as probable as none, and no less, as it is better where it stands
+        (4.0, 3.0, 3.0),
+        (0.5, 50.0, 50.0),  # stands far from home, where its linearisation does not hold
+    ],
+)
+def test_a_small_gain_is_the_less_sure_of_both(home: float, there: float, left: float) -> None:
+    found = no_surer_than_at_home(_stand(home), _stand(there))
+    score = {h.causes: h.score for h in found.hypotheses}
+    assert score[POSE,] - score[()] == pytest.approx(left)
+    assert score[POSE,] - score[OTHER,] == pytest.approx(3)
+    assert list(score.values()) == sorted(score.values(), reverse=True)
+
+
+def test_a_cause_that_home_did_not_list_is_weighed_there() -> None:
+    first = _stand(0.5)
+    bare = replace(first, hypotheses=tuple(h for h in first.hypotheses if not h.causes))
+    own = first.evidence.best((POSE,), {}).score  # of captures that show nothing: less than none
+    assert own < 0
+    found = no_surer_than_at_home(bare, _stand(3.0))
+    score = {h.causes: h.score for h in found.hypotheses}
+    assert score[POSE,] == pytest.approx(score[()])
