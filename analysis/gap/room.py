@@ -2,8 +2,8 @@
 
     A_k(u) = A(u) (2 T_k(u) / T(u) - 1),      T: under radiance 1 from everywhere, T_k: under (1 + ω_k) / 2
 
-T and T_k are drawn on a grid ``COARSER`` times coarser than the sensor's with the same paths, so that their ratio has
-little of their noise, and laid onto it surface by surface.
+T and T_k are drawn on a grid ``COARSER`` times coarser than the sensor's, as light from all around changes slowly over
+a surface, and their ratio is laid onto it surface by surface.
 """
 
 from collections.abc import Callable
