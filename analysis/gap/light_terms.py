@@ -16,7 +16,7 @@ from analysis.gap.bounced import Bounced
 from analysis.gap.conditions import Condition
 from analysis.gap.left import LAMP, REFLECTED, SMOOTH
 from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
-from analysis.gap.radiance import weighted
+from analysis.gap.radiance import single, weighted
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Field, Term
 from analysis.gap.views import placed
@@ -211,7 +211,7 @@ def _gradient(name: str, axis: int) -> Field:
 def _ambient(word: str) -> Field:
     def field(s: State) -> np.ndarray:
         if word in AXES:
-            share = placed(s.shown.leaning[word], s.flow)
+            share = placed(single(s.shown.leaning[word]), s.flow)
             return s.per_radiance * s.channels(s.take(s.shown.ambient * share))
         column = s.per_radiance * s.channels(s.take(s.shown.ambient))
         tint = np.array(AmbientLight(**{word: 1.0}).channels, np.float32)

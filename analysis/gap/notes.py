@@ -59,9 +59,9 @@ def _encoded(screens: Sequence[Screen]) -> list[str]:
     black = ", with black taken off before" if all(s.black_off for s in screens) else ""
     return [
         f"The captures of {names} follow the curve of sRGB{black}, and the scene says that they are linear: they are "
-        f"taken as they are, the corrected scene says so, and where the gap lies is told of what that leaves. Dim parts "
-        f"of such images have coarser steps and bright ones finer than what light does; linear images of all bits of "
-        f"the sensor tell more."
+        f"taken as they are, the corrected scene says so, and where the gap lies is told of what that leaves. Dim "
+        f"parts of such images have coarser steps and bright ones finer than what light does; linear images of all "
+        f"bits of the sensor tell more."
     ]
 
 

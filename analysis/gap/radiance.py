@@ -53,8 +53,8 @@ Render = Callable[[Scene, Camera, Sequence[str], bool, int, Paths], Image]
 class Rendered:
     """What one camera sees of one arrangement: ``lamps`` {name: (H, W, 3)} at ``intensity``, and the passes.
 
-    ``ambient`` (H, W, 3): under radiance 1 from everywhere; ``leaning`` {axis: (H, W, 3)}: under radiance ω_axis from
-    the direction ω, over that. ``indirect``: of each lamp, share of light that met another
+    ``ambient`` (H, W, 3): under radiance 1 from everywhere; ``leaning`` {axis: (H, W, 3) float16}: under radiance
+    ω_axis from the direction ω, over that. ``indirect``: of each lamp, share of light that met another
     surface first, (H, W, 3); none where the renderer draws none, but ``undrawn``: the radiance of each that paths have,
     (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer; none where that would
     be too much. ``coarse``: how many of the sensor's pixels

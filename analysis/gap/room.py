@@ -24,7 +24,7 @@ MOST = 1.0  # of what comes from everywhere
 def leanings(
     drawn: Callable[[Camera, Light], np.ndarray], camera: Camera, surface: np.ndarray, normal: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """{axis of the world: (H, W, 3) float32 in [-1, 1]}: what it gives over what comes from everywhere. ``drawn``: the
+    """{axis of the world: (H, W, 3) float16 in [-1, 1]}: what it gives over what comes from everywhere. ``drawn``: the
     radiance (h, w, 3) that a camera sees under one light; ``surface`` (H, W), ``normal`` (H, W, 3) of ``camera``."""
     width, height = (x // COARSER for x in camera.sensor.resolution)
     whole = slice(0, height * COARSER), slice(0, width * COARSER)
@@ -48,4 +48,4 @@ def _padded(plane: np.ndarray, resolution: tuple[int, int]) -> np.ndarray:
     """With its last rows and columns once more, where a grid does not go into the sensor's."""
     w, h = resolution
     below, beside = h - plane.shape[0], w - plane.shape[1]
-    return np.asarray(cv2.copyMakeBorder(plane, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.float32)
+    return np.asarray(cv2.copyMakeBorder(plane, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.float16)

@@ -1,15 +1,25 @@
 """Captures that were encoded for a screen are told from linear ones, whatever else is wrong with them."""
 
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analysis.gap.attribution import Attribution, waterfall
 from analysis.gap.conditions import Condition
-from analysis.gap.encoded import Screen, as_encoded, encoded
+from analysis.gap.corrected import write_corrected
+from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.encoded import Screen, as_encoded, encoded, on_scene
+from analysis.gap.findings import with_curve
 from analysis.gap.notes import _encoded
+from analysis.gap.shrinkage import Gap
+from interchange.captures import Captures
 from interchange.effects.response_curve import ResponseCurve
+from interchange.formats.document import open_scene
 from interchange.sensor import Response
+from tests.analysis.gap_bench import BENCH
 from tests.analysis.test_gap_overlap import SIZE, lit
 
 COLUMN, ROW = np.meshgrid(np.linspace(-1, 1, SIZE[0]), np.linspace(-1, 1, SIZE[1]))
@@ -63,6 +73,39 @@ def test_whether_black_was_taken_off_is_told(off: bool) -> None:
     assert told.of(plate.camera).sensor.response is Response.SRGB
     (taken,) = as_encoded([plate], [told])
     assert encoded([replace(taken, mean=dn.astype(np.float32))]) == []
+
+
+def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
+    """χ² of 100 as written, 4 with the curve and 1 with a vignetting as well: the curve takes 96 off, a γ that
+    was found beside it 0.5 of the 3 that are left, and steps add up."""
+    g = Gap(10.0, 1.0, 0.9, (9, 11), (0.9, 1.1), 50.0, 2.0, ("a.png",), 10.0, 50.0)
+    taken = Attribution({}, {}, {"vignetting": 2.5, "response_curve": 0.5})
+    steps = waterfall(g, taken, {"response_curve": 96.0})
+    assert {s.name: s.chi2 for s in steps if s.kind == "effect"} == {
+        "response_curve": 96.5,
+        "vignetting": 2.5,
+    }
+    assert sum(s.chi2 for s in steps) == pytest.approx(g.as_written**2)
+    gamma = Finding("response_curve", 0.7, {"gamma": Estimate(1.01, 0.01, "1")}, (), None, 2.0, 1.0, 0.005)
+    other = replace(gamma, name="vignetting", share=0.025)
+    found = with_curve([other, gamma], 96.0, g, ["/World/eye"])
+    assert [f.name for f in found] == ["response_curve", "vignetting"]
+    assert found[0].share == pytest.approx(0.965)
+    assert found[0].parameters == gamma.parameters
+    assert found[0].called == "response curve of eye"
+
+
+def test_the_corrected_scene_says_so(tmp_path: Path) -> None:
+    document = open_scene(BENCH)
+    screens = [Screen("/World/Camera0", True)]
+    captures = Captures(BENCH, BENCH, ())
+    assert (
+        write_corrected(document, captures, [], tmp_path / "new.usda", partial(on_scene, screens=screens))
+        == {}
+    )
+    for name, said in (("/World/Camera0", (Response.SRGB, 0.0)), ("/World/Camera1", (Response.LINEAR, 64.0))):
+        sensor = open_scene(tmp_path / "new.usda").scene(0).camera(name).sensor
+        assert (sensor.response, sensor.black_level) == said
 
 
 def test_the_report_says_how_they_are_taken() -> None:
