@@ -45,7 +45,9 @@ def test_of_a_ball_that_floats_by_its_normal(build: Build, tmp_path: Path) -> No
     assert on.sum() > 500
     for k, axis in enumerate(AXES):
         assert shown.leaning[axis].shape == (61, 73, 3)
-        slope, offset = np.polyfit(shown.passes["normal"][on][:, k], shown.leaning[axis][on][:, 1], 1)
+        slope, offset = np.polyfit(
+            shown.passes["normal"][on][:, k], shown.leaning[axis][on][:, 1].astype(float), 1
+        )
         assert slope == pytest.approx(2 / 3, abs=0.04)
         assert offset == pytest.approx(0, abs=0.03)
 
