@@ -120,10 +120,13 @@ def with_curve(
     """With the response curve that captures of ``cameras`` are encoded by, which was known before anything was fitted:
     it has taken ``taken_off`` off the mean χ², beside what one that was found takes off."""
     share = taken_off / shrunk.before**2
-    own = Finding(CURVE, SURE, {}, (), None, shrunk.before, shrunk.after, share, tuple(map(called, cameras)))
+    screen = {"sRGB": Estimate(1.0, 0.0, "1")}
+    own = Finding(
+        CURVE, SURE, screen, (), None, shrunk.before, shrunk.after, share, tuple(map(called, cameras))
+    )
     for f in findings:
         if f.name == CURVE:
-            own = replace(own, parameters=f.parameters, share=share + f.share)
+            own = replace(own, parameters=screen | f.parameters, share=share + f.share)
     return [own, *(f for f in findings if f.name != CURVE)]
 
 

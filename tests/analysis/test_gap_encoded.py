@@ -91,7 +91,7 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
     found = with_curve([other, gamma], 96.0, g, ["/World/eye"])
     assert [f.name for f in found] == ["response_curve", "vignetting"]
     assert found[0].share == pytest.approx(0.965)
-    assert found[0].parameters == gamma.parameters
+    assert found[0].parameters == {"sRGB": Estimate(1.0, 0.0, "1")} | gamma.parameters
     assert found[0].called == "response curve of eye"
 
 
