@@ -80,7 +80,7 @@ def _through(curve: ResponseCurve, linear: np.ndarray, camera: Camera) -> np.nda
     """The mean of what a curve makes of ``linear`` DN and their noise. Of one that bends much that is not what it makes
     of their mean: Gauss-Hermite quadrature of three points, exact for curves of the fifth order."""
     sensor = camera.sensor
-    if curve.response is Response.LINEAR:
+    if curve.response is not Response.SRGB:  # a table may end in a corner, which no polynomial follows
         return curve.output(linear, sensor.bit_depth, sensor.black_level)
     signal = np.maximum(linear - np.float32(sensor.black_level), 0)
     pattern = np.square(sensor.prnu * signal) + (sensor.K * sensor.dsnu) ** 2
