@@ -118,7 +118,8 @@ def with_curve(
     findings: Sequence[Finding], taken_off: float, shrunk: Gap, cameras: Sequence[str]
 ) -> list[Finding]:
     """With the response curve that captures of ``cameras`` are encoded by, which was known before anything was fitted:
-    it has taken ``taken_off`` off the mean χ², beside what one that was found takes off."""
+    it has taken ``taken_off`` off the mean χ², beside what one that was found takes off. χ without it is that of the
+    file as written: beside it all else would be fitted to what it leaves, which is not looked at."""
     share = taken_off / shrunk.before**2
     screen = {"sRGB": Estimate(1.0, 0.0, "1")}
     own = Finding(

@@ -54,6 +54,10 @@ class LightBeam(Effect):
         def profiles(light: Light) -> Profile:  # lamps that share one go on sharing it
             if light.projector is not None:
                 raise BrightfieldError(f"What {light.name} projects would have to be another picture.")
+            if light.profile is not None and light.profile_angle_scale != 0:
+                raise BrightfieldError(
+                    f"The profile of {light.name} is stretched, and its angles are not the beam's."
+                )
             key = id(light.profile)
             if key not in tables:
                 tables[key] = self._over(light.profile)

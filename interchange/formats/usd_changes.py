@@ -4,7 +4,6 @@ materials. What does not differ stays as it stands in the file, and so do refere
 A value that differs alike in every frame stays one value; one that differs from frame to frame gets time samples.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from interchange.formats.usd_author import (
     usd_value,
 )
 from interchange.formats.usd_preview import preview_of
-from interchange.formats.usd_textures import author_textures, in_a_file, lay, only_laid
+from interchange.formats.usd_textures import author_textures, in_a_file, lay, named, only_laid
 from interchange.formats.usd_values import matrix
 from interchange.light import Light, LightKind
 from interchange.material import Material
@@ -221,7 +220,7 @@ def _profile(prim: Any, before: Light, after: Light, files: Path | None, lose: L
     if files is None or after.profile is None or before.profile_angle_scale != after.profile_angle_scale:
         lose(before.name, "Its measured beam would have to be another file.")
         return
-    path = files.with_name(f"{files.name}_{re.sub(r'[^0-9A-Za-z]+', '_', before.name.strip('/'))}.ies")
+    path = named(files, before.name, ".ies")
     ies_write.write(path, after.profile)
     new = not prim.HasAPI(UsdLux.ShapingAPI)
     api = UsdLux.ShapingAPI.Apply(prim)

@@ -90,7 +90,12 @@ def author_textures(
 
 def in_a_file(texture: Texture, of: str, name: str, beside: Path) -> Texture:
     """The texture, written to a file whose name begins with ``beside`` and tells what it is ``of``."""
-    word = re.sub(r"\W+", "_", of.strip("/"))
-    path = beside.with_name(f"{beside.name}_{word}_{name}.exr")
+    path = named(beside, of, f"_{name}.exr")
     exr.write(path, Image(texture.pixels))
     return replace(texture, file=path.name)
+
+
+def named(beside: Path, of: str, end: str) -> Path:
+    """The file beside a stage for the prim ``of``: its name begins with ``beside``'s."""
+    word = re.sub(r"\W+", "_", of.strip("/"))
+    return beside.with_name(f"{beside.name}_{word}{end}")

@@ -222,6 +222,9 @@ def test_a_beam_falls_off_by_its_cosine_about_the_lamps_axis(scene):
             more = LightBeam(q=-1.5).on_scene(bare).lights[0].shaping(direction)[:, 0]
             said = factor * np.cos(theta) ** 2.5 * np.exp(-1.5 * (1 - np.cos(theta)) ** 2)
             assert more == pytest.approx(said, rel=2e-4)  # a straight line over half a degree
+        stretched = replace(light, profile=own, profile_angle_scale=0.5)
+        with pytest.raises(BrightfieldError, match="stretched"):
+            LightBeam(q=-1.5).on_scene(replace(scene, lights=(stretched,)))
 
 
 def test_light_in_shadows_is_a_second_lamp(scene):
