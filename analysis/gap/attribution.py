@@ -14,7 +14,6 @@ from analysis.gap.diagnosis import LIKELIEST, PRESENT, STAGES
 from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.numbers import possible
-from analysis.gap.parallel import each
 from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
@@ -67,7 +66,7 @@ def attribution(
     def simulated(names: frozenset[str]) -> Images:
         if names not in images_of:
             out = [c for n, causes in players.items() if n not in names for c in causes]
-            images_of[names] = each(refitted(fitted, out).simulated, held)
+            images_of[names] = refitted(fitted, out).simulations(held)
         return images_of[names]
 
     def closed(names: frozenset[str]) -> float:

@@ -25,7 +25,7 @@ SEEN = 16.0  # sigma²: of less noise hides half
 def borne_out(fitted: Fit, held: Sequence[Condition], judged: Sequence[NoiseFinding], scale: float) -> Fit:
     """What is called, and held-out captures bear out as it stands without the rest."""
     sure = only_called(beside_left_over(fitted, judged))
-    by = yardstick(held, each(sure.after.simulated, held), scale)
+    by = yardstick(held, sure.after.simulations(held), scale)
     found = upheld(sure if sure.after is fitted.after else confirmed(sure, held, by), held, by)
     return found if found is sure else only_called(beside_left_over(found, judged))
 
@@ -39,12 +39,12 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """
     sets = Sets(fitted)
     while True:
-        best, after = fitted.best, each(fitted.after.simulated, held)
+        best, after = fitted.best, fitted.after.simulations(held)
         gone = [c for c in sets.causes if c not in best.causes]
         left = {}
         for cause in best.causes:
             if best.causes == (cause,):  # then what the file claims at its best is all that is left
-                less = each(fitted.before.simulated, held)
+                less = fitted.before.simulations(held)
             else:
                 less = each(partial(sets.simulated, [*gone, cause]), held)
             left[cause] = taken_off(by, less, after)
@@ -90,7 +90,7 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     if not kept:
         return fitted
     written = [c.simulated().dn for c in held]
-    before, after = (each(model.simulated, held) for model in (fitted.before, fitted.after))
+    before, after = (model.simulations(held) for model in (fitted.before, fitted.after))
     if not (_surely_worse(by, after, before) or _surely_worse(by, after, written)):
         return fitted
     nothing = fitted.best.of(())
@@ -129,7 +129,7 @@ def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) 
     """Where nothing is called: with the file as written at its best where the held-out captures are surely simulated
     better so than with what the others say of the calibration."""
     written = [c.simulated().dn for c in held]
-    if not _surely_worse(by, each(fitted.before.simulated, held), written):
+    if not _surely_worse(by, fitted.before.simulations(held), written):
         return fitted
     zero = np.zeros(len(fitted.terms))
     nothing = Model(fitted.terms, zero, zero, fitted.before.knots)

@@ -132,9 +132,9 @@ def diagnose(
         told("verdict", 0.0)
         fitted = no_worse([c for c in there if not c.held_out], fitted)
         held = [c for c in there if c.held_out]
-        fitted = confirmed(fitted, held, yardstick(held, each(fitted.after.simulated, held), scale))
+        fitted = confirmed(fitted, held, yardstick(held, fitted.after.simulations(held), scale))
         told("noise", 0.0)
-        corrected = each(fitted.after.simulated, there)
+        corrected = fitted.after.simulations(there)
         return there, fitted, corrected, _noise(fitted, whole, corrected)
 
     scale = temporal_scale(evened) or 1.0
@@ -256,7 +256,7 @@ def _edges(held: Sequence[Condition], by: Yardstick, shown: Simulations) -> Edge
 
 
 def _ledger(found: Sequence[Condition], fitted: Fit, after: Sequence[np.ndarray]) -> Ledger:
-    before = each(fitted.before.simulated, found)
+    before = fitted.before.simulations(found)
     families = {
         "the image": ("fixed to the image, multiplicative", "fixed to the image, additive", "exposure"),
         "the surface": ("fixed to the surface", "albedo"),

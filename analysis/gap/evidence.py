@@ -18,6 +18,7 @@ Woodbury: Inverting modified matrices. 1950.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
@@ -109,9 +110,20 @@ class Evidence:
         for index in self.members.values():
             if terms[index[0]].family is not None:
                 own[index] = np.linalg.norm(own[index])
-        self.spike = np.array(
+        self._declared = np.array(
             [t.spike / s if t.relative else t.spike for t, s in zip(terms, own, strict=True)]
         )
+        self._weigh(spikes)
+
+    def with_spikes(self, spikes: np.ndarray | None) -> "Evidence":
+        """The same equations with other ``spikes``."""
+        other = copy(self)
+        other._weigh(spikes)
+        return other
+
+    def _weigh(self, spikes: np.ndarray | None) -> None:
+        terms, equations = self.terms, self.e
+        self.spike = self._declared.copy()
         if spikes is not None:
             self.spike[: len(spikes)] = spikes
         # in units of the spikes' widths the matrix is I + D G D, which is as well conditioned as it can be

@@ -240,7 +240,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
         cause[evidence.members[c]] = True
     if best.causes:
         still = np.where([t.kind == "flow" for t in terms] & ~cause, after.at, 0.0)
-        before = replace(after, theta=np.where(cause, 0.0, theta), at=still)
+        before = replace(after, theta=np.where(cause, 0.0, theta), at=still, beside=after)
     probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
     probability = without_rises(

@@ -1,7 +1,7 @@
 """A simulation with corrections: where the chain, the image and the scene stand, and what is added to them."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from threading import Lock
 
@@ -11,7 +11,7 @@ from analysis.gap import lens_flow
 from analysis.gap.chain_terms import effects_at
 from analysis.gap.conditions import Condition
 from analysis.gap.knots import Knots
-from analysis.gap.parallel import own_property
+from analysis.gap.parallel import each, own_property
 from analysis.gap.radiance import Changes, Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import Term, added
@@ -44,12 +44,15 @@ _keeping = Lock()
 @dataclass(frozen=True, eq=False)
 class Model:
     """``theta`` (q,) of ``terms``, around ``at`` (q,), where chain, flow and scene stand. ``knots`` renders what the
-    scene changes; without it no term of the scene may stand elsewhere than at zero."""
+    scene changes; without it no term of the scene may stand elsewhere than at zero. ``beside``: another whose numbers
+    are the same but for a few: what the others add is told once, there, as how it changes with those few is a product
+    of two small numbers."""
 
     terms: tuple[Term, ...]
     theta: np.ndarray
     at: np.ndarray
     knots: Knots | None = None
+    beside: "Model | None" = None
 
     def state(self, condition: Condition, stride: int = 1, symmetric: bool = False) -> State:
         return State(
@@ -118,9 +121,29 @@ class Model:
         """(H, W, C): expected DN of a condition with every correction; the same array whenever it is asked for."""
         if id(condition) not in self._simulated:
             state = self.state(condition)
-            dn = state.simulation.dn + added(state, self.terms, self.theta - self.at)
-            self._simulated[id(condition)] = condition, dn
+            more = self._of_beside(state)
+            if more is None:
+                more = added(state, self.terms, self.theta - self.at)
+            self._simulated[id(condition)] = condition, state.simulation.dn + more
         return self._simulated[id(condition)][1]
+
+    def _of_beside(self, state: State) -> np.ndarray | None:
+        """(H, W, C): what is added to ``state``, where the one beside says it."""
+        other = self.beside
+        if other is None:
+            return None
+        index = np.flatnonzero((self.theta != other.theta) | (self.at != other.at))
+        own = [self.terms[i] for i in index]
+        if any(t.kind in ("flow", "scene") for t in own):  # edges are elsewhere
+            return None
+        there = other.state(state.condition)
+        all_of_it = other.simulated(state.condition) - there.simulation.dn
+        without = all_of_it - added(there, own, (other.theta - other.at)[index])
+        return np.asarray(without + added(state, own, (self.theta - self.at)[index]))
+
+    def simulations(self, conditions: Iterable[Condition]) -> list[np.ndarray]:
+        """The same of each."""
+        return each(self.simulated, conditions, shared=lambda c: id(c.shown))
 
     @own_property
     def _simulated(self) -> dict[int, tuple[Condition, np.ndarray]]:

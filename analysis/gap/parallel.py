@@ -5,8 +5,9 @@ What a graphics context draws is drawn by the thread that the work was asked by,
 
 import functools
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from itertools import zip_longest
 from queue import SimpleQueue
 from threading import local
 from typing import Any, TypeVar
@@ -34,10 +35,14 @@ class own_property(functools.cached_property[T]):
 
 
 def each(
-    work: Callable[[T], R], items: Iterable[T], done: Callable[[float], None] = lambda share: None
+    work: Callable[[T], R],
+    items: Iterable[T],
+    done: Callable[[float], None] = lambda share: None,
+    shared: Callable[[T], Hashable] | None = None,
 ) -> list[R]:
     """``work`` of every item, in order. ``done(share)`` hears how many are done. What fails first is raised, the rest
-    is left."""
+    is left. ``shared``: what those items draw but once that have the same: one of them would wait for the other, so
+    that those begin together that have not."""
     todo = list(items)
     threads = min(len(os.sched_getaffinity(0)), MOST, len(todo))
     if threads < 2 or hasattr(_own, "asked"):  # the cores have work already
@@ -52,7 +57,9 @@ def each(
         _own.asked = asked
 
     with ThreadPoolExecutor(threads, "condition", begun) as pool:
-        futures = [pool.submit(work, item) for item in todo]
+        order = range(len(todo)) if shared is None else in_turns([shared(item) for item in todo], threads)
+        begun_at = {k: pool.submit(work, todo[k]) for k in order}
+        futures = [begun_at[k] for k in range(len(todo))]
         for f in futures:
             f.add_done_callback(lambda _: asked.put(None))
         try:
@@ -74,6 +81,17 @@ def each(
                     errand[1].set_exception(CancelledError())
     failed = next((f for f in futures if not f.cancelled() and f.exception() is not None), None)
     return [f.result() for f in futures] if failed is None else [failed.result()]
+
+
+def in_turns(keys: Sequence[Hashable], n: int) -> list[int]:
+    """Places of ``keys``, those of ``n`` different ones in turns, before the next ones: what is kept of the last few
+    need not be made again."""
+    groups: dict[Hashable, list[int]] = {}
+    for place, key in enumerate(keys):
+        groups.setdefault(key, []).append(place)
+    every = list(groups.values())
+    turns = [zip_longest(*every[k : k + n]) for k in range(0, len(every), n)]
+    return [place for rounds in turns for turn in rounds for place in turn if place is not None]
 
 
 def _run(work: Callable[[], Any], answer: "Future[Any]") -> None:

@@ -14,11 +14,13 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import product
+from threading import Lock
 
 import numpy as np
 
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.generic_terms import CAPTURE, FACTOR, SURFACE
+from analysis.gap.parallel import each, own_property
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
 
@@ -108,6 +110,11 @@ class Ladder:
         self.judged = [name for name, part in self.shares.items() if self._many(part * seen > 0.5)]
         self._scores: dict[tuple[int, ...], dict[int, float]] = {}
         self._evidence: OrderedDict[tuple[int, ...], tuple[Evidence, float]] = OrderedDict()
+        self._keeping = Lock()
+
+    @own_property
+    def _anywhere(self) -> Evidence:
+        return Evidence(self.e, self.terms, self.in_force, self.declared)
 
     def _many(self, own: np.ndarray) -> bool:
         """Whether the terms ``own`` (q,) bool tell what their tolerance is: one thing that is off is an effect."""
@@ -126,18 +133,21 @@ class Ladder:
 
     def _there(self, place: Place, key: tuple[int, ...]) -> tuple[Evidence, float]:
         """The evidence at ``place``, and the log of the factors' prior; the last ``KEPT`` are kept."""
-        if key not in self._evidence:
-            wide = widths(self.shares, {n: FACTORS[k] for n, k in place.items()}, len(self.terms))
-            prior = sum(
-                -0.5 * (np.log(FACTORS[k]) / (GUESSED if name in UNDECLARED else SPREAD)) ** 2
-                for name, k in zip(self.judged, key, strict=True)
-            )
-            there = Evidence(self.e, self.terms, self.in_force, self.declared * wide)
-            self._evidence[key] = there, float(prior)
+        with self._keeping:
+            if key in self._evidence:
+                self._evidence.move_to_end(key)
+                return self._evidence[key]
+        wide = widths(self.shares, {n: FACTORS[k] for n, k in place.items()}, len(self.terms))
+        prior = sum(
+            -0.5 * (np.log(FACTORS[k]) / (GUESSED if name in UNDECLARED else SPREAD)) ** 2
+            for name, k in zip(self.judged, key, strict=True)
+        )
+        there = self._anywhere.with_spikes(self.declared * wide), float(prior)
+        with self._keeping:
+            self._evidence[key] = there
             while len(self._evidence) > KEPT:
                 self._evidence.popitem(last=False)
-        self._evidence.move_to_end(key)
-        return self._evidence[key]
+        return there
 
     def climbed(self, place: Place, which: Sequence[int]) -> Place:
         """Up and down the factors from ``place``, one tolerance after the other, as long as the best of some of the
@@ -159,8 +169,9 @@ class Ladder:
         there = float(self.scores(place, [i])[0])
         if not np.isfinite(there):
             return there
-        rungs = [[self.scores(place | {name: k}, [i])[0] - there for k in STEPS] for name in self.judged]
-        return there + sum(float(np.logaddexp.reduce(np.array(rung))) for rung in rungs)
+        around = [place | {name: k} for name in self.judged for k in STEPS]
+        rungs = np.reshape(each(lambda at: self.scores(at, [i])[0] - there, around), (-1, len(STEPS)))
+        return there + float(np.logaddexp.reduce(rungs, axis=1).sum())
 
 
 def factors(
@@ -239,7 +250,7 @@ class Widths:
             self.factors = found
             self.spikes = self.declared * widths(self.shares, found, q)
             spikes = np.append(self.spikes, evidence.spike[q:])
-            evidence = Evidence(evidence.e, evidence.terms, evidence.in_force, spikes)
+            evidence = evidence.with_spikes(spikes)
             hypotheses = tuple(evidence.search())
         return evidence, hypotheses
 

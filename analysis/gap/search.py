@@ -6,6 +6,7 @@ where a hypothesis has them (Gauss-Newton), and all is linearised anew there.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Cause, Term, added
 from interchange.problems import BrightfieldError
 
+R = TypeVar("R")
 Told = Callable[[str, float], None]
 
 ROUNDS, MOVES = 3, 2
@@ -59,6 +61,11 @@ class Search:
         self.registering = {
             i for i, t in enumerate(terms) if t.kind == "flow" or t.cause in (NUISANCE, *REGISTERED_WITH)
         }
+
+    def _each(
+        self, work: Callable[[Condition], R], done: Callable[[float], None] = lambda share: None
+    ) -> list[R]:
+        return each(work, self.conditions, done, shared=lambda c: id(c.shown))
 
     def elsewhere(self, conditions: Sequence[Condition]) -> "Search":
         """The same search, tolerances included, of the same captures with other renderings."""
@@ -115,7 +122,7 @@ class Search:
             drawn = sensitivities(state, terms, (kept or {}).get(condition.name), anew)
             return equations(state, terms, at, drawn=drawn), drawn
 
-        found = {c.name: x for c, x in zip(self.conditions, each(of, self.conditions), strict=True) if x}
+        found = {c.name: x for c, x in zip(self.conditions, self._each(of), strict=True) if x}
         return [parts for parts, _ in found.values()], {name: drawn for name, (_, drawn) in found.items()}
 
     def may_move(self, best: Hypothesis) -> bool:
@@ -328,7 +335,7 @@ class Search:
                     moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
             return Changed(np.asarray(change, np.float32), moved, bend)
 
-        found = each(changed_in, self.conditions)
+        found = self._each(changed_in)
         return {c.name: change for c, change in zip(self.conditions, found, strict=True)}
 
     def stand(
@@ -365,7 +372,7 @@ class Search:
             )
             return found, drawn
 
-        told = each(of, self.conditions, lambda share: self.told(what, share))
+        told = self._each(of, lambda share: self.told(what, share))
         found = {c.name: x for c, x in zip(self.conditions, told, strict=True) if x is not None}
         parts = tuple(equations for equations, _ in found.values())
         now = {name: drawn for name, (_, drawn) in found.items()}

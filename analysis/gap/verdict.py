@@ -13,7 +13,6 @@ from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
-from analysis.gap.parallel import each
 from analysis.gap.pixel_map import PixelMaps, pixel_maps
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
 from analysis.gap.structure import Structure, structure
@@ -62,7 +61,7 @@ def verdict(
     told = partial(_told, conditions, judged, scale, off)
     sure = borne_out(fitted, held, judged, scale)
     if sure.after is not fitted.after:
-        corrected = each(sure.after.simulated, conditions)
+        corrected = sure.after.simulations(conditions)
     while True:
         found = told(sure, corrected)
         left = found.left.unnamed(_removed(found)) if found.left else 0.0
@@ -74,13 +73,13 @@ def verdict(
         less = {c: doubted.probability[c] for c in gone}
         sure = only_called(replace(sure, probability={**sure.probability, **less}))
         sure = upheld(sure, held, found.by)  # it stands elsewhere without them
-        corrected = each(sure.after.simulated, conditions)
+        corrected = sure.after.simulations(conditions)
     if called(doubted):
         return replace(found, fitted=doubted)
     written = as_written_if_better(doubted, held, found.by)
     if written is doubted:
         return replace(found, fitted=doubted)
-    return told(written, each(written.after.simulated, conditions))
+    return told(written, written.after.simulations(conditions))
 
 
 def against(v: Verdict, written: Sequence[np.ndarray]) -> Verdict:
@@ -111,7 +110,7 @@ def _told(
     maps = pixel_maps(conditions, corrected) if pattern else None
     shown = Simulations(
         tuple(c.simulated().dn for c in held),
-        tuple(each(fitted.before.simulated, held)),
+        tuple(fitted.before.simulations(held)),
         tuple(maps.applied(held, after) if maps else after),
     )
     if not any(ok.any() for ok in by.ok):

@@ -1,5 +1,6 @@
 """Held-out captures keep an effect by how much of what it claims there they show."""
 
+from collections.abc import Iterable
 from types import SimpleNamespace
 
 import numpy as np
@@ -50,6 +51,9 @@ class Standing:
 
     def simulated(self, condition: object) -> np.ndarray:
         return self.dn
+
+    def simulations(self, conditions: Iterable[object]) -> list[np.ndarray]:
+        return [self.dn for _ in conditions]
 
 
 def standing(first: Standing, second: Standing, *causes: tuple[str, str]) -> Fit:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from analysis.gap.parallel import by_asker, each, own_property
+from analysis.gap.parallel import by_asker, each, in_turns, own_property
 
 
 @pytest.fixture(params=[1, 2, 16])
@@ -26,6 +26,13 @@ def test_answers_are_in_order_and_progress_is_told_to_the_end(cores: int) -> Non
     assert each(late, range(7), told.append) == [k * k for k in range(7)]
     assert told == pytest.approx([(k + 1) / 7 for k in range(7)])
     assert each(late, []) == []
+
+
+def test_what_waits_for_each_other_is_taken_in_turns(cores: int) -> None:
+    assert in_turns("AAABBCDD", 2) == [0, 3, 1, 4, 2, 5, 6, 7]  # A and B in turns, then C and D
+    assert in_turns("AAABB", 1) == [0, 1, 2, 3, 4]
+    assert in_turns([], 2) == []
+    assert each(lambda k: k * k, range(9), shared=lambda k: k // 3) == [k * k for k in range(9)]
 
 
 def test_two_cores_work_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,6 +50,17 @@ def test_evidence_is_the_marginal_likelihood(rng: np.random.Generator) -> None:
     assert evidence.sigma(both) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(A))), rel=1e-8)
 
 
+def test_other_spikes_are_an_evidence_of_their_own(rng: np.random.Generator) -> None:
+    X, y, terms = rng.standard_normal((40, 4)), rng.standard_normal(40), _terms(["a", "a", "b", "c"], 0.01)
+    evidence = Evidence(_equations(X, y), terms)
+    spikes = evidence.spike * rng.uniform(1, 3, len(terms))
+    first = [h.score for h in evidence.search()]
+    there, anew = evidence.with_spikes(spikes), Evidence(evidence.e, terms, spikes=spikes)
+    assert [h.score for h in there.search()] == [h.score for h in anew.search()]
+    np.testing.assert_array_equal(there.C, anew.C)
+    assert [h.score for h in evidence.search()] == first
+
+
 def test_what_a_cause_bends_is_charged_to_hypotheses_without_it(rng: np.random.Generator) -> None:
     """They have it in their residual, as if the captures were so; those with the cause have not. Spikes that are known
     stay."""
