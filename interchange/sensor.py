@@ -101,6 +101,9 @@ class Sensor:
     response_lut: tuple[float, ...] = ()
     gamma: float = parameter(1.0, "γ", "1", 0.1, 10, "exponent of the output over the linear signal")
     bow: float = parameter(0.0, "c", "1", -1, 1, "four times what half the range is off a straight line by")
+    skew: float = parameter(
+        0.0, "s", "1", -1, 1, "how much more it is bowed in the lower half than in the upper"
+    )
     output_bit_depth: int = 0  # bits of the image that leaves the camera; 0 is `bit_depth`
     jpeg_quality: int = 0  # of libjpeg, 1 to 100; 0 is no compression
     jpeg_subsampling: bool = True  # colour at half the resolution, 4:2:0

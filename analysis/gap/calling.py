@@ -11,6 +11,7 @@ from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
+from analysis.gap.generic_terms import CAPTURE
 from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import stride_for
@@ -38,6 +39,8 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     that would not be seen there either way is not judged.
     """
     sets = Sets(fitted)
+    own = [i for i, t in enumerate(fitted.terms) if t.cause == CAPTURE]
+    drift = float(fitted.weighed.spike[own].max()) if own else 0.0
     while True:
         best, after = fitted.best, fitted.after.simulations(held)
         gone = [c for c in sets.causes if c not in best.causes]
@@ -47,7 +50,7 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
                 less = fitted.before.simulations(held)
             else:
                 less = each(partial(sets.simulated, [*gone, cause]), held)
-            left[cause] = taken_off(by, less, after)
+            left[cause] = taken_off(by, less, after, drift)
         worst = min(left, key=lambda c: left[c], default=None)
         if worst is None or left[worst] >= KEPT:
             return fitted
@@ -143,17 +146,17 @@ def _surely_worse(by: Yardstick, one: Images, other: Images) -> bool:
     return bool(off.sum() < -2 * float(np.std(off) * np.sqrt(len(off))))
 
 
-def taken_off(by: Yardstick, before: Images, after: Images) -> float:
+def taken_off(by: Yardstick, before: Images, after: Images, drift: float = 0.0) -> float:
     """What ``after`` takes off the mean χ² of ``before``, over what it would if all of it were true; 1 where that
-    would not be seen (less than twice its standard error by blocks)."""
-    sums = by.blocks(before, after, [2 * a - b for a, b in zip(after, before, strict=True)])
-    off = sums[:, 2] - sums[:, 4]
-    # of e² at 0, 1 and 2 times what changes the second difference is twice its square
-    wanted = 0.5 * (sums[:, 2] - 2 * sums[:, 4] + sums[:, 6])
+    would not be seen (less than twice its standard error by blocks). ``drift``: standard deviation of a capture's own
+    gain, which says nothing of either (analysis.gap.shrinkage)."""
+    _, shown, claimed = by.claims(before, after, drift).T
+    off = 2 * shown - claimed
     error = float(np.std(off) * np.sqrt(len(off)))
-    if wanted.sum() < max(2 * error, SEEN):
+    wanted = float(claimed.sum())
+    if wanted < max(2 * error, SEEN):
         return 1.0
-    return float(off.sum() / wanted.sum())
+    return float(off.sum() / wanted)
 
 
 def beside_left_over(fitted: Fit, noise: Sequence[NoiseFinding]) -> Fit:

@@ -41,6 +41,7 @@ MINOR = {
     "blue_v": 0.2,
     "red3": 0.5,
     "blue3": 0.5,
+    "skew": 0.5,
 }  # parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share
 DELAY = "delay"  # of the exposure
 REDUNDANT = {

@@ -44,7 +44,7 @@ def encoded(found: Sequence[Condition]) -> list[Screen]:
     cameras: dict[str, list[Condition]] = {}
     for c in found:
         s = c.camera.sensor
-        if s.response is Response.LINEAR and s.gamma == 1 and not s.bow:
+        if s.response is Response.LINEAR and s.gamma == 1 and not (s.bow or s.skew):
             cameras.setdefault(c.camera.name, []).append(c)
     return [Screen(name, off) for name, own in cameras.items() if (off := _black_off(own)) is not None]
 

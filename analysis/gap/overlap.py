@@ -76,7 +76,7 @@ def notes_on_files(found: Sequence[Condition]) -> list[str]:
         f"8-bit images: a step is {step:.3g} DN of the sensor's {sensor.bit_depth} bits, rounding alone makes "
         f"{step / 12**0.5:.2g} DN rms, and a black level is known to half a step; effects below that are not found."
     ]
-    if sensor.response == "linear" and sensor.gamma == 1.0 and not sensor.bow:
+    if sensor.response == "linear" and sensor.gamma == 1.0 and not (sensor.bow or sensor.skew):
         out.append(
             "8-bit images are often processed (gamma, white balance, sharpening, JPEG): the scene says sensor:response "
             "linear, and what the camera does to its image counts as an effect here."

@@ -86,10 +86,32 @@ class Yardstick:
                 e2 = np.where(ok, capture.pixels - dn, 0.0) ** 2
                 planes[..., 2 + 2 * i] += (e2 / variance).sum(axis=2)
                 planes[..., 3 + 2 * i] += e2.sum(axis=2)
-        rows, columns = (np.arange(0, n, SIDE) for n in ok.shape[:2])
-        sums = np.add.reduceat(np.add.reduceat(planes, rows, axis=0), columns, axis=1)
-        sums = sums.reshape(-1, planes.shape[2])
-        return np.asarray(sums[sums[:, 0] > 0])
+        return _summed(planes)
+
+    def claims(self, before: Images, after: Images, drift: float = 0.0) -> np.ndarray:
+        """(n, 3): count, Σ δ r / σ² and Σ δ² / σ² for every block of pixels, r what captures have beyond ``before``
+        and δ what ``after`` has; less what a gain of each condition's own says, of which the standard deviation is
+        ``drift``: how bright one capture is beside the others no effect is held against."""
+        found = []
+        for k, c in enumerate(self.conditions):
+            w = np.where(self.ok[k], len(c.captures) / self.variance[k], 0.0)
+            r, delta = c.mean - before[k], after[k] - before[k]
+            own = delta
+            if drift > 0:
+                signal = np.maximum(before[k] - c.simulated().black, 0)
+                gain = float((w * signal * delta).sum()) / (drift**-2 + float((w * signal**2).sum()))
+                own = delta - gain * signal
+            planes = [self.ok[k], w * own * r, w * own * delta]
+            found.append(_summed(np.stack([x.sum(axis=2) for x in planes], axis=2)))
+        return np.concatenate(found)
+
+
+def _summed(planes: np.ndarray) -> np.ndarray:
+    """(n, k): sums of (h, w, k) over blocks of ``SIDE`` px, those whose first is not 0."""
+    rows, columns = (np.arange(0, n, SIDE) for n in planes.shape[:2])
+    sums = np.add.reduceat(np.add.reduceat(planes, rows, axis=0, dtype=np.float64), columns, axis=1)
+    sums = sums.reshape(-1, planes.shape[2])
+    return np.asarray(sums[sums[:, 0] > 0])
 
 
 def yardstick(held_out: Sequence[Condition], best: Images, temporal_scale: float) -> Yardstick:

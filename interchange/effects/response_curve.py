@@ -1,10 +1,10 @@
 """The curve from the linear DN to that of the image that leaves the camera, and its bits.
 
-    DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(y + c y (1 - y))),
+    DN_out = (2^b_out - 1) / (2^b - 1) (black + (2^b - 1 - black) curve(y + y (1 - y) (c + s (1 - 2 y)))),
     y = x^γ,   x = (DN - black) / (2^b - 1 - black)
 
-c is the first term of any smooth deviation from a line that is nothing at both ends, no published model. Below black,
-where noise reaches, the curve goes on point-symmetrically.
+c and s are the first two terms of any smooth deviation from a line that is nothing at both ends, no published model.
+Below black, where noise reaches, the curve goes on point-symmetrically.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from interchange.sensor import Response, freeze_numbers, freeze_word
 
 @dataclass(frozen=True)
 class ResponseCurve(Effect):
-    """x^γ, bowed by c, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
+    """x^γ, bowed by c and s, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
 
     stage = Stage.READOUT
     order = 60
@@ -33,6 +33,7 @@ class ResponseCurve(Effect):
     carried_by = carried(
         gamma="sensor.gamma",
         bow="sensor.bow",
+        skew="sensor.skew",
         response="sensor.response",
         lut="sensor.response_lut",
         bits_out="sensor.output_bit_depth",
@@ -40,6 +41,9 @@ class ResponseCurve(Effect):
 
     gamma: float = parameter(1.0, "γ", "1", 0.1, 10, "exponent of the output over the linear signal")
     bow: float = parameter(0.0, "c", "1", -1, 1, "four times what half the range is off a straight line by")
+    skew: float = parameter(
+        0.0, "s", "1", -1, 1, "how much more it is bowed in the lower half than in the upper"
+    )
     response: Response = Response.LINEAR
     lut: tuple[float, ...] = ()
     bits_out: int = 0  # 0 is as many as the converter has
@@ -51,7 +55,8 @@ class ResponseCurve(Effect):
 
     @property
     def is_there(self) -> bool:
-        return self.gamma != 1.0 or self.bow != 0 or self.response is not Response.LINEAR or self.bits_out > 0
+        straight = self.gamma == 1.0 and self.bow == 0 and self.skew == 0
+        return not straight or self.response is not Response.LINEAR or self.bits_out > 0
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth
@@ -75,7 +80,7 @@ class ResponseCurve(Effect):
     def curve(self, x: np.ndarray) -> np.ndarray:
         """Output over its highest value, of linear signals x over theirs, both in [0, 1]."""
         x = np.asarray(x, np.float64) ** self.gamma
-        x = x + self.bow * x * (1 - x)
+        x = x + x * (1 - x) * (self.bow + self.skew * (1 - 2 * x))
         if self.response is Response.SRGB:
             return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
         if self.response is Response.LUT:

@@ -65,6 +65,7 @@ ATTRIBUTES = (
     Attribute("sensor:responseLut", NAMES.DoubleArray, "sensor", "response_lut"),
     Attribute("sensor:gamma", NAMES.Double, "sensor", "gamma"),
     Attribute("sensor:bow", NAMES.Double, "sensor", "bow"),
+    Attribute("sensor:skew", NAMES.Double, "sensor", "skew"),
     Attribute("sensor:outputBitDepth", NAMES.Int, "sensor", "output_bit_depth"),
     Attribute("sensor:jpegQuality", NAMES.Int, "sensor", "jpeg_quality"),
     Attribute("sensor:jpegSubsampling", NAMES.Bool, "sensor", "jpeg_subsampling"),

@@ -16,7 +16,7 @@ UNNAMED = ("fixed to places of the surface", "")
 
 
 def measured(capture: np.ndarray) -> Yardstick:
-    condition = SimpleNamespace(captures=(SimpleNamespace(pixels=capture),))
+    condition = SimpleNamespace(captures=(SimpleNamespace(pixels=capture),), mean=capture)
     condition.simulated = lambda: SimpleNamespace(dn=capture + 20 * SIGMA)  # as written: far off
     variance, ok = np.full(SHAPE, SIGMA**2), np.ones(SHAPE, bool)
     return Yardstick((condition,), (ok,), (variance,), (np.ones(SHAPE),))
@@ -138,3 +138,22 @@ def test_what_the_captures_say_of_a_calibration_is_held_against_the_file_as_writ
         return
     assert found.before is found.after
     assert not found.before.theta.any()
+
+
+def test_how_bright_a_capture_is_beside_the_others_refutes_nothing() -> None:
+    """Two captures show all of an effect that makes the second brighter by 1 %, and the second is darker by that: where
+    captures drift by 0.2 % the rest tells the slope, which is one; where they do not the gain does."""
+    rng = np.random.default_rng(2)
+    signal = rng.uniform(400, 600, SHAPE)
+    shape = 4.0 * rng.standard_normal(SHAPE)
+    drifts = [(0.0, shape), (-0.01, 0.25 * shape + 0.01 * signal)]  # the second changes mostly the brightness
+    conditions, before, after = [], [], []
+    for off, change in drifts:
+        by = measured((1 + off) * signal + change + SIGMA * rng.standard_normal(SHAPE))
+        by.conditions[0].simulated = lambda: SimpleNamespace(black=0.0)
+        conditions.append(by.conditions[0])
+        before.append(signal)
+        after.append(signal + change)
+    both = Yardstick(tuple(conditions), by.ok * 2, by.variance * 2, by.noise * 2)
+    assert taken_off(both, before, after) < KEPT
+    assert taken_off(both, before, after, 0.002) == pytest.approx(1, abs=0.05)

@@ -99,6 +99,8 @@ def test_a_bow_is_a_quarter_at_half_the_range_and_nothing_at_its_ends():
     bowed = ResponseCurve(bow=0.08).curve(np.array([0, 0.25, 0.5, 1]))
     assert bowed == pytest.approx([0, 0.25 + 0.08 * 3 / 16, 0.52, 1])
     assert ResponseCurve(gamma=2.0, bow=0.08).curve(np.array(0.5)) == pytest.approx(0.25 + 0.08 * 3 / 16)
+    skewed = ResponseCurve(skew=0.08).curve(np.array([0, 0.25, 0.5, 0.75, 1]))
+    assert skewed == pytest.approx([0, 0.25 + 0.08 * 3 / 32, 0.5, 0.75 - 0.08 * 3 / 32, 1])
     c = station(bit_depth=12, black_level=160, bow=-0.08)
     dn = expose(even(np.full(3, 0.5)), c).pixels
     assert dn == pytest.approx(160 + (4095 - 160) * 0.48, abs=0.5)

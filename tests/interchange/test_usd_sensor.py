@@ -66,6 +66,7 @@ SENSOR = Sensor(
     response_lut=(0.0, 0.37, 0.81, 1.0),
     gamma=1.03,
     bow=-0.013,
+    skew=0.009,
     output_bit_depth=8,
     jpeg_quality=87,
     jpeg_subsampling=False,
