@@ -13,6 +13,8 @@ import numpy as np
 
 from analysis.gap.attribution import CATALOGUED, called
 from analysis.gap.conditions import Condition
+from analysis.gap.evidence import Evidence
+from analysis.gap.fall_off import falls
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.model import Model
@@ -78,13 +80,22 @@ def _drawn(
     members = {}
     if cause is not None:
         index = members[cause] = evidence.members[cause]
-        way = rng.standard_normal(len(index)) * evidence.part[index] / evidence.together[index]
-        way = np.where(np.isfinite(evidence.low[index]), np.abs(way), way)
+        way = _way(evidence, cause, rng)
         metric = evidence.e.G[np.ix_(index, index)] / evidence.e.signal
         theta[index] += severity * way / max(float(np.sqrt(way @ metric @ way)), 1e-30)
     theta = np.maximum(theta, evidence.low)
     search = Search(conditions, terms, knots, lambda what, share: None)
     return Model(terms, theta, search.start(members, theta), knots)
+
+
+def _way(evidence: Evidence, cause: Cause, rng: np.random.Generator) -> np.ndarray:
+    """(k,): an effect's numbers by lot, to a factor, as an effect may have them: what vignets falls."""
+    index, outwards = evidence.members[cause], evidence.fall_offs.get(cause)
+    while True:
+        way = rng.standard_normal(len(index)) * evidence.part[index] / evidence.together[index]
+        way = np.where(np.isfinite(evidence.low[index]), np.abs(way), way)
+        if outwards is None or falls(way[np.searchsorted(index, outwards)], np.zeros((2, 2))):
+            return way
 
 
 def _captured(conditions: Sequence[Condition], model: Model, rng: np.random.Generator) -> list[Condition]:
