@@ -34,15 +34,9 @@ SHARES = {  # of the flat field's tolerance; else SMOOTH
     "veiling_glare": EDGED,
 }
 LEAST = {"veiling_glare": SCATTERED}  # of the signal
-MINOR = {
-    "red_u": 0.2,
-    "red_v": 0.2,
-    "blue_u": 0.2,
-    "blue_v": 0.2,
-    "red3": 0.5,
-    "blue3": 0.5,
-    "skew": 0.5,
-}  # parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share
+# parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share; and of a
+# response curve, of which the second term of a smooth deviation is the smaller
+MINOR = {"red_u": 0.2, "red_v": 0.2, "blue_u": 0.2, "blue_v": 0.2, "red3": 0.5, "blue3": 0.5, "skew": 0.5}
 DELAY = "delay"  # of the exposure
 REDUNDANT = {
     ("white_balance", "green"),

@@ -20,9 +20,7 @@ from analysis.gap.structure import STEPS, Structure
 from analysis.gap.verify import Verification
 
 PRESENT = 0.5  # from which probability on an effect is called
-LIKELIEST = (
-    0.25  # the same of the likeliest of several that captures do not tell apart, of which one is there
-)
+LIKELIEST = 0.25  # the same of the likeliest of several that captures do not tell apart
 TIED = 4.0  # times less probable than the likeliest: what is no less may as well be there
 STAGES = {
     "scene": ("camera_pose", "object_pose", "geometry", "light_position", "light_intensity", "light_beam", "light_size",

@@ -26,6 +26,7 @@ from analysis.gap.terms import Cause
 from interchange.captures import Tolerances
 
 WITHOUT = 4  # one case in so many has no effect
+TRIES = 100  # of numbers by lot, of which a third and more fall: a lens at its bound may have none that do
 WEAKEST, STRONGEST = 0.004, 0.04  # rms of an effect over the signal
 
 
@@ -91,11 +92,12 @@ def _drawn(
 def _way(evidence: Evidence, cause: Cause, rng: np.random.Generator) -> np.ndarray:
     """(k,): an effect's numbers by lot, to a factor, as an effect may have them: what vignets falls."""
     index, outwards = evidence.members[cause], evidence.fall_offs.get(cause)
-    while True:
+    for _ in range(TRIES):
         way = rng.standard_normal(len(index)) * evidence.part[index] / evidence.together[index]
         way = np.where(np.isfinite(evidence.low[index]), np.abs(way), way)
         if outwards is None or falls(way[np.searchsorted(index, outwards)], np.zeros((2, 2))):
-            return way
+            break
+    return way
 
 
 def _captured(conditions: Sequence[Condition], model: Model, rng: np.random.Generator) -> list[Condition]:

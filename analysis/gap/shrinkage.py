@@ -90,8 +90,8 @@ class Yardstick:
 
     def claims(self, before: Images, after: Images, drift: float = 0.0) -> np.ndarray:
         """(n, 3): count, Σ δ r / σ² and Σ δ² / σ² for every block of pixels, r what captures have beyond ``before``
-        and δ what ``after`` has; less what a gain of each condition's own says, of which the standard deviation is
-        ``drift``: how bright one capture is beside the others no effect is held against."""
+        and δ what ``after`` has. A gain of each condition's own, normally distributed with the standard deviation
+        ``drift``, is marginalised: no effect is refuted by how bright one capture is beside the others."""
         found = []
         for k, c in enumerate(self.conditions):
             w = np.where(self.ok[k], len(c.captures) / self.variance[k], 0.0)
