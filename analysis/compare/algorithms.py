@@ -20,6 +20,7 @@ from interchange.image import Image, same_quantity
 
 REACH = 3.0  # px within which results are the same one
 HIGH, LOW = 0.10, 0.04  # Canny's thresholds, of the strongest gradients of the first image
+LINE = 1024  # places that are looked up beside each other
 ALONE = 0.8  # of the strongest gradient within 3 px, by which an edge's place is measured
 STRONGEST = 99.9  # percentile
 ALONG = 30.0  # degrees by which paired edges may differ in direction
@@ -103,6 +104,14 @@ def _gradient(plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return gx, gy
 
 
+def _at(plane: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """(n,): cubic between pixels at n places, in lines of ``LINE``, as OpenCV takes no image of 2^15 px or more."""
+    n = len(column)
+    lines = [np.resize(x.astype(np.float32), (n // LINE + 1, LINE)) for x in (column, row)]
+    found = cv2.remap(plane.astype(np.float32), lines[0], lines[1], cv2.INTER_CUBIC)
+    return np.asarray(found.reshape(-1)[:n], np.float64)
+
+
 def edge_points(plane: np.ndarray, strongest: float) -> np.ndarray:
     """(n, 5): column, row, and unit normal towards the brighter side of Canny's edges, to a part of a pixel; and 1
     where no stronger edge or crossing is near, so that the place can be measured.
@@ -123,15 +132,7 @@ def edge_points(plane: np.ndarray, strongest: float) -> np.ndarray:
     normal = (
         np.stack([gx[row, column], gy[row, column]], axis=-1) / np.maximum(slope[row, column], 1e-30)[:, None]
     )
-    around = [
-        cv2.remap(
-            slope.astype(np.float32),
-            (column + k * normal[:, 0]).astype(np.float32)[:, None],
-            (row + k * normal[:, 1]).astype(np.float32)[:, None],
-            cv2.INTER_CUBIC,
-        )[:, 0].astype(np.float64)
-        for k in (-1, 0, 1)
-    ]
+    around = [_at(slope, column + k * normal[:, 0], row + k * normal[:, 1]) for k in (-1, 0, 1)]
     bend = around[0] - 2 * around[1] + around[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = np.where(bend < 0, 0.5 * (around[0] - around[2]) / bend, np.inf)

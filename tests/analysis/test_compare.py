@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from analysis.compare.algorithms import results
+from analysis.compare.algorithms import edge_points, results
 from analysis.compare.comparison import compare, record
 from analysis.compare.numbers import difference
 from analysis.compare.reading import read_pair
@@ -31,6 +31,21 @@ def _board(dx: float = 0.0, dy: float = 0.0, blur: float = 0.7) -> np.ndarray:
 
 def _dn(pixels: np.ndarray) -> Image:
     return Image(np.rint(pixels).astype(np.float32), Quantity.DN, made_by={"bits": 16})
+
+
+def test_more_edge_points_than_opencv_takes_in_a_column() -> None:
+    """Stripes of 4 px, of which the edges are every 4 px: 100 columns of 396 places and more than 2^15 in all."""
+    x = np.broadcast_to(np.arange(400.0), (400, 400))
+    stripes = np.round(600 + 400 * np.sin(2 * np.pi * (x - 0.3) / 8)).astype(np.float32)[..., None]
+    found = results(Image(stripes), Image(stripes))
+    assert min(found.edges.found) > 2**15
+    assert found.edges.f1 == 1
+    assert found.edges.rms_px == 0
+
+
+def test_gradients_too_weak_for_an_edge_have_none() -> None:
+    plane = np.tile(np.arange(64, dtype=np.float32), (48, 1))
+    assert edge_points(plane, 1e3).shape == (0, 5)
 
 
 def test_gain_and_offset_show_as_they_are() -> None:
