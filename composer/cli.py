@@ -16,6 +16,8 @@ from collections.abc import Sequence
 import composer.commands
 from interchange.problems import BrightfieldError, did_you_mean
 
+MOST_LINES = 20  # problems that are told, of a file that has more
+
 
 def names() -> list[str]:
     """Every command."""
@@ -44,8 +46,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         return _run(words[0], words[1:])
     except BrightfieldError as error:
-        for line in str(error).splitlines():
+        lines = str(error).splitlines()
+        for line in lines[:MOST_LINES]:
             print(f"brightfield: {line}", file=sys.stderr)
+        if len(lines) > MOST_LINES:
+            print(f"brightfield: ... and {len(lines) - MOST_LINES} more.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("brightfield: stopped.", file=sys.stderr)

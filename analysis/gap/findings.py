@@ -111,6 +111,9 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
             )
             if with_own > 1e-3:
                 chances[cause[0]] = chances.get(cause[0], 0.0) + min(float(with_own), p)
+    for cause in (c for c in own if c in fitted.alike):
+        (other, _), times = fitted.alike[cause]
+        chances[other] = max(chances.get(other, 0.0), times * fitted.probability[cause])
     return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
 
 

@@ -39,6 +39,7 @@ from analysis.gap.sensitivities import Sensitivities
 from analysis.gap.severity import severities
 from analysis.gap.stand import Stand
 from analysis.gap.terms import Cause, Term
+from analysis.gap.turned import alike
 from interchange.captures import Tolerances
 
 Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
@@ -81,6 +82,9 @@ class Fit:
         default_factory=dict
     )  # metric of how strong each cause with a name is (analysis.gap.severity)
     in_place: dict[Cause, float] = field(default_factory=dict)  # of the best's causes (``in_its_place``)
+    alike: dict[Cause, tuple[Cause, float]] = field(
+        default_factory=dict
+    )  # what captures do not tell from the best's causes, and how many times as probable it is (analysis.gap.turned)
 
     @property
     def best(self) -> Hypothesis:
@@ -250,6 +254,8 @@ def _fit(search: Search, stand: Stand) -> Fit:
     declared = search.widths.declared_at(stand.evidence.spike)
     careful = cautions(stand.evidence, declared, best, evidence, parts, left_out)
     probability |= {c: caution.of(probability.get(c, 0.0)) for c, caution in careful.items()}
+    same = alike(stand.evidence, best, stand.evidence.theta(best))
+    probability |= {c: probability[c] / (1 + times) for c, (_, times) in same.items()}
     doubted = stand.evidence.sigma(best)[:q]
     named = {c: index for c, index in evidence.members.items() if not terms[index[0]].generic}
     return Fit(
@@ -268,7 +274,12 @@ def _fit(search: Search, stand: Stand) -> Fit:
         partial(numbers, search, stand),
         left_over(stand.evidence, best),
         severity=severities(named, stand.kept.values()),
-        in_place={c: in_its_place(stand.hypotheses, best.causes, c, set(named)) for c in best.causes},
+        in_place={
+            c: in_its_place(stand.hypotheses, best.causes, c, set(named))
+            * (1 + same[c][1] if c in same else 1)
+            for c in best.causes
+        },
+        alike=same,
     )
 
 

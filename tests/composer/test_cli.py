@@ -194,3 +194,12 @@ def test_file_names_are_distinct_and_safe():
 def test_version(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("brightfield 0.")
+
+
+def test_of_a_file_with_hundreds_of_problems_the_first_are_told(capsys, tmp_path) -> None:
+    wrong = tmp_path / "numbers.txt"
+    wrong.write_text("x y z\n" * 300)
+    assert main(["emva", str(wrong), "--out", str(tmp_path / "sensor.json")]) == 2
+    told = said(capsys)
+    assert "line 1:" in told[0] and len(told) == 21
+    assert told[-1] == "brightfield: ... and 281 more."  # 300 lines and the size that none of them says

@@ -1,0 +1,93 @@
+"""A camera that turned and a principal point elsewhere are told apart by 1 + x²/f² alone."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.gap.evidence import Evidence
+from analysis.gap.findings import _rivals
+from analysis.gap.normal_equations import NormalEquations
+from analysis.gap.sureness import TEMPERATURE
+from analysis.gap.terms import Term
+from analysis.gap.turned import SHIFTING, alike, unexplained
+
+POSE, POINT = ("camera_pose", "/Camera at (0, 0, 300) mm"), ("principal_point", "/Camera")
+ELSEWHERE = ("camera_pose", "/Camera at (90, 0, 300) mm")
+N = 400  # pixels of a row, and of a column
+STEEP, AWAY = 0.2, 6.0  # σ that their light changes by a px; px that the image is off by
+
+
+def _evidence(field: float, *others: tuple[str, str]) -> Evidence:
+    """Of a row and a column of pixels from -``field`` to ``field``, x/f; ``others``: causes that shift it alike."""
+    x = np.linspace(-field, field, N)
+    turned = {"cx": 1.0 + 0 * x, "ry": 1 + x**2, "cy": 1.0 + 0 * x, "rx": 1 + x**2}
+    terms, columns = [], []
+    for cause in (POINT, POSE, *others):
+        for parameter in SHIFTING[cause[0]]:
+            along = parameter in ("cx", "ry")
+            terms.append(Term(*cause, parameter, "px", 0.02, lambda s: None, kind="flow"))
+            shift = STEEP * turned[parameter]
+            columns.append(np.concatenate([shift, 0 * x] if along else [0 * x, shift]))
+    X = np.array(columns)
+    theta = np.zeros(len(X))
+    theta[0] = AWAY
+    r = theta @ X
+    share = np.full(len(X), 1e4)
+    return Evidence(NormalEquations(X @ X.T, X @ r, float(r @ r) + 2 * N, 1e4, share, 0.0, 2 * N), terms)
+
+
+@pytest.mark.parametrize("field", [0.1, 0.3, 1.0])
+def test_what_the_other_leaves_is_that_of_least_squares(field: float) -> None:
+    evidence = _evidence(field)
+    evidence.spike[:] = 1e-9  # nothing is free but the turn
+    theta = np.array([AWAY, 0, 0, 0])
+    x = np.linspace(-field, field, N)
+    turn = 1 + x**2
+    expected = (AWAY * STEEP) ** 2 * (N - turn.sum() ** 2 / (turn**2).sum())
+    assert unexplained(evidence, POINT, theta, POSE) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_a_narrow_field_leaves_them_tied_and_a_wide_one_does_not() -> None:
+    for field, tied in ((0.1, True), (2.0, False)):
+        evidence = _evidence(field)
+        best = evidence.best((POINT,), {})
+        other, times = alike(evidence, best, evidence.theta(best))[POINT]
+        assert other == POSE
+        assert (times > 0.95) is tied
+        assert times == pytest.approx(
+            np.exp(-unexplained(evidence, POINT, evidence.theta(best), POSE) / (2 * TEMPERATURE))
+        )
+    assert times < 0.01
+
+
+def test_a_turned_camera_has_the_principal_point_beside_it() -> None:
+    evidence = _evidence(0.1)
+    best = evidence.best((POSE,), {})
+    assert alike(evidence, best, evidence.theta(best))[POSE][0] == POINT
+
+
+def test_where_a_camera_has_several_stands_none_of_its_poses_is_a_principal_point() -> None:
+    evidence = _evidence(0.1, ELSEWHERE)
+    best = evidence.best((POINT,), {})
+    assert alike(evidence, best, evidence.theta(best)) == {}
+
+
+def test_what_is_found_already_or_is_another_camera_s_is_no_rival() -> None:
+    evidence = _evidence(0.1)
+    both = evidence.best((POSE, POINT), {})
+    assert alike(evidence, both, evidence.theta(both)) == {}
+    terms = [replace(t, target="/Other") if t.candidate == POINT else t for t in evidence.terms]
+    apart = Evidence(evidence.e, terms)
+    best = apart.best((POSE,), {})
+    assert alike(apart, best, apart.theta(best)) == {}
+
+
+def test_the_report_lists_it_as_a_rival() -> None:
+    evidence = _evidence(0.1)
+    best = evidence.best((POINT,), {})
+    fitted = SimpleNamespace(
+        best=best, hypotheses=(best,), probability={POINT: 0.48}, alike={POINT: (POSE, 0.9)}
+    )
+    assert _rivals(fitted, [POINT]) == (("camera_pose", pytest.approx(0.432)),)
