@@ -201,5 +201,6 @@ def test_of_a_file_with_hundreds_of_problems_the_first_are_told(capsys, tmp_path
     wrong.write_text("x y z\n" * 300)
     assert main(["emva", str(wrong), "--out", str(tmp_path / "sensor.json")]) == 2
     told = said(capsys)
-    assert "line 1:" in told[0] and len(told) == 21
+    assert "line 1:" in told[0]
+    assert len(told) == 21
     assert told[-1] == "brightfield: ... and 281 more."  # 300 lines and the size that none of them says
