@@ -141,6 +141,11 @@ class Sensor:
             raise ParameterError(
                 "Sensor.response_lut must hold two or more numbers where the response is a lut."
             )
+        lut = np.array(self.response_lut)
+        if ((lut < 0) | (lut > 1)).any() or (np.diff(lut) < 0).any():
+            raise ParameterError(
+                f"Sensor.response_lut must rise and stay within [0, 1]; got {_short(self.response_lut)}."
+            )
         if self.jpeg_quality and self.bits_out != 8:
             raise ParameterError(f"A JPEG must have 8 bits; the sensor's image has {self.bits_out}.")
 
@@ -153,6 +158,11 @@ class Sensor:
     def K(self) -> float:
         """EMVA 1288's overall system gain, DN/e-, of the converter's DN."""
         return float(10 ** (self.gain_dB / 20) * (2**self.bit_depth - 1 - self.black_level) / self.full_well)
+
+
+def _short(numbers: tuple[float, ...], most: int = 6) -> str:
+    shown = ", ".join(f"{x:g}" for x in numbers[:most])
+    return f"{shown}, ... ({len(numbers)})" if len(numbers) > most else shown
 
 
 def freeze_numbers(model: Any, **counts: int | None) -> None:

@@ -11,6 +11,7 @@ from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.response_curve import ResponseCurve
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
+from interchange.parameter import ParameterError
 
 PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 COLOR = np.array([0.5, 0.25, 0.1], np.float32)
@@ -174,3 +175,9 @@ def test_a_jpeg_in_bands_is_the_whole_jpeg(height, subsampling):
     assert np.array_equal(effect.compressed(y), decoded(effect.encoded(Image(y))))
     grey = y[..., :1]
     assert np.array_equal(effect.compressed(grey), decoded(effect.encoded(Image(grey))))
+
+
+@pytest.mark.parametrize("table", [(0.0, 0.6, 0.5, 1.0), (0.0, 1.2), (-0.1, 1.0)])
+def test_a_response_rises_within_its_range(table):
+    with pytest.raises(ParameterError, match=r"must rise and stay within \[0, 1\]; got"):
+        Sensor(response="lut", response_lut=table)
