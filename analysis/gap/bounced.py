@@ -15,7 +15,7 @@ Keller: Instant radiosity. SIGGRAPH 1997. Dachsbacher, Stamminger: Reflective sh
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Lock
 
 import numpy as np
@@ -62,12 +62,21 @@ class Blocks:
         )
 
 
+@dataclass(eq=False)
+class _View:
+    """``seen``: the positions of what it shows, which are held so that no other has their place."""
+
+    seen: np.ndarray
+    growth: Growth | None = None
+    telling: Lock = field(default_factory=Lock)
+
+
 class Bounced:
     """Of what the ``conditions`` show; told when it is asked for, and kept."""
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         self._views = list({id(c.shown): c.shown for c in conditions}.values())
-        self._kept: dict[int, tuple[np.ndarray, Growth]] = {}
+        self._kept: dict[int, _View] = {}
         self._lock = Lock()
 
     def light(self, s: State, material: str) -> np.ndarray | None:
@@ -92,10 +101,12 @@ class Bounced:
     def _growth(self, shown: Rendered) -> Growth:
         seen = shown.passes["position"]
         with self._lock:
-            if id(seen) not in self._kept:
+            view = self._kept.setdefault(id(seen), _View(seen))
+        with view.telling:  # others of the same view wait, those of another do not
+            if view.growth is None:
                 others = [v for v in self._views if v.passes["position"] is not seen and _stand(v, shown)]
-                self._kept[id(seen)] = seen, growth(shown, others)
-            return self._kept[id(seen)][1]
+                view.growth = growth(shown, others)
+            return view.growth
 
 
 def _reflected(s: State) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:

@@ -14,6 +14,7 @@ from analysis.gap import lens_flow
 from analysis.gap.camera_terms import of_all, of_one, several
 from analysis.gap.conditions import Condition
 from analysis.gap.mounts import ALL
+from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Flow, Term, moving
 from interchange.camera import Projection
@@ -252,14 +253,18 @@ def outlines(conditions: Sequence[Condition]) -> dict[str, int]:
     """Objects that end within an image, and by how many pixels, the most of any: where one does not, only its shading
     could be seen to move, and that is the lamps'."""
     found: dict[str, int] = {}
-    for condition in conditions:
-        ids, names = condition.shown.passes["object_id"], condition.shown.scene.object_names
-        for k, count in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            mask = (ids == k).astype(np.uint8)
+    for shown in _arrangements(conditions):
+        names = shown.scene.object_names
+        for name, count in shown.pixels_of["object_id"].items():
+            mask = (shown.passes["object_id"] == names.index(name)).astype(np.uint8)
             ends = count - int(cv2.erode(mask, np.ones((3, 3)), borderType=cv2.BORDER_REPLICATE).sum())
             if ends >= LEAST_OUTLINE:
-                found[names[k]] = max(found.get(names[k], 0), ends)
+                found[name] = max(found.get(name, 0), ends)
     return found
+
+
+def _arrangements(conditions: Sequence[Condition]) -> list[Rendered]:
+    return list({id(c.shown): c.shown for c in conditions}.values())
 
 
 def moved_objects(
@@ -268,10 +273,9 @@ def moved_objects(
     """The places of objects (``besides`` some) without any rendering: what is seen of them moves, shadows stay. What is
     flat does not rise: cameras on one side would hardly tell that from a shift."""
     counts: dict[str, int] = {}
-    for condition in conditions:
-        ids, names = condition.shown.passes["object_id"], condition.shown.scene.object_names
-        for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            counts[names[k]] = max(counts.get(names[k], 0), int(n))
+    for shown in _arrangements(conditions):
+        for name, n in shown.pixels_of["object_id"].items():
+            counts[name] = max(counts.get(name, 0), n)
     terms = []
     for name in (n for n in outlines(conditions) if counts[n] >= LEAST_PIXELS and n not in besides):
         box = next(bounds(c.shown.scene, name) for c in conditions if name in c.shown.scene.object_names)

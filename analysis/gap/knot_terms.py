@@ -118,7 +118,7 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: 
 
 def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: Sizes) -> list[Term]:
     materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
-    seen = _counts(conditions, "material_id")
+    seen = covered(conditions, "material_id")
     terms: list[Term] = []
     shiny = [n for n, m in materials.items() if has_lobes(m.brdf)]
 
@@ -213,7 +213,7 @@ def together(conditions: Sequence[Condition]) -> list[str]:
             ways.setdefault((way + 0.0).tobytes(), []).append(name)
     for alike in ways.values():
         found.setdefault(frozenset(alike), SEVERAL.join(alike))
-    seen = _counts(conditions, "object_id")
+    seen = covered(conditions, "object_id")
     pixels = {target: sum(seen.get(n, 0.0) for n in group) for group, target in found.items()}
     several = [target for group, target in found.items() if 1 < len(group) < len(names)]
     return sorted((x for x in several if pixels[x] >= LEAST_PIXELS), key=lambda x: -pixels[x])[:MOST_GROUPS]
@@ -239,7 +239,7 @@ def _mesh(conditions: Sequence[Condition], target: str) -> Mesh | None:
 
 def standing(conditions: Sequence[Condition]) -> list[str]:
     """Objects that have a thickness and do not fill the image, the largest first."""
-    seen = {n: k for n, k in _counts(conditions, "object_id").items() if k >= LEAST_PIXELS}
+    seen = {n: k for n, k in covered(conditions, "object_id").items() if k >= LEAST_PIXELS}
     boxes = {
         n: np.ptp(bounds(c.shown.scene, n), axis=0) for c in conditions for n in c.shown.scene.object_names
     }
@@ -260,12 +260,10 @@ def _mm_a_px(conditions: Sequence[Condition], name: str) -> float:
     return min(found)
 
 
-def _counts(conditions: Sequence[Condition], of: str) -> dict[str, float]:
-    """The most pixels that each has in a condition, in an image of 480 x 360."""
+def covered(conditions: Sequence[Condition], of: str) -> dict[str, float]:
+    """The most pixels that each has in a condition, in an image of 480 x 360, of those that the pass ``of`` shows."""
     found: dict[str, float] = {}
-    for condition in conditions:
-        ids, scene = condition.shown.passes[of], condition.shown.scene
-        names = scene.material_names if of == "material_id" else scene.object_names
-        for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            found[names[k]] = max(found.get(names[k], 0.0), n * 480 * 360 / ids.size)
+    for shown in {id(c.shown): c.shown for c in conditions}.values():
+        for name, n in shown.pixels_of[of].items():
+            found[name] = max(found.get(name, 0.0), n * 480 * 360 / shown.passes[of].size)
     return found

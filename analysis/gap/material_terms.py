@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.generic_terms import SPARE, UNEVEN, bilinear
+from analysis.gap.knot_terms import covered
 from analysis.gap.laid import Part, laid, parts
 from analysis.gap.left import EDGED, LAMP
 from analysis.gap.state import State
@@ -41,13 +42,9 @@ BLUR_PX = 1.5  # of the step that translucency is told by
 
 def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     """Of materials that cover enough of some image and show their body more than what it mirrors."""
-    covered: dict[str, float] = {}
-    for c in conditions:
-        ids, names = c.shown.passes["material_id"], c.shown.scene.material_names
-        for k, n in zip(*np.unique(ids[ids >= 0], return_counts=True), strict=True):
-            covered[names[k]] = max(covered.get(names[k], 0.0), n * 480 * 360 / ids.size)
+    seen_of = covered(conditions, "material_id")
     materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
-    chosen = [n for n, k in covered.items() if k >= LEAST_PIXELS and matte_share(materials[n].brdf) > BODY]
+    chosen = [n for n, k in seen_of.items() if k >= LEAST_PIXELS and matte_share(materials[n].brdf) > BODY]
     spike = UNEVEN * tolerances.albedo / np.sqrt(len(WAVES))
     terms = [
         Term("texture", name, word, "1", spike, _wave(name, i, j))
@@ -57,7 +54,7 @@ def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
     seen, shared = parts(conditions, chosen), pattern_fields(conditions, chosen)
     for name in chosen:
         step = _blur_mm(conditions, name)
-        if covered[name] >= LARGE_PIXELS:
+        if seen_of[name] >= LARGE_PIXELS:
             terms += in_cells(
                 "texture",
                 f"{name}{IN_PLACES}",

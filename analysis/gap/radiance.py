@@ -19,6 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from analysis.gap.parallel import own_property
 from analysis.gap.reflected import finely
 from analysis.gap.room import COARSER, leanings
 from interchange.camera import Camera, Lens, Sensor
@@ -93,6 +94,19 @@ class Rendered:
             name: np.divide(now[name], rendered, out=np.zeros(3), where=rendered > 0)
             for name, rendered in self.intensity.items()
         }
+
+    @own_property
+    def pixels_of(self) -> dict[str, dict[str, int]]:
+        """How many pixels show each material and each object that is seen: {pass: {name: pixels}}."""
+        found = {}
+        for word, names in (
+            ("material_id", self.scene.material_names),
+            ("object_id", self.scene.object_names),
+        ):
+            ids = self.passes[word]
+            counts = np.bincount(ids[ids >= 0])
+            found[word] = {names[k]: int(counts[k]) for k in np.flatnonzero(counts)}
+        return found
 
     def radiance(self, scene: Scene) -> np.ndarray:
         """(H, W, 3) float32 with the intensities of ``scene``."""
