@@ -10,7 +10,7 @@ from analysis.gap.attribution import Sets, called, without
 from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.fit import Fit
+from analysis.gap.fit import WORTH, Fit
 from analysis.gap.generic_terms import CAPTURE
 from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
@@ -126,6 +126,12 @@ def only_called(fitted: Fit) -> Fit:
         nothing = fitted.stood(best.of(larger)) if alone else fitted.before
         return replace(fitted, before=nothing, after=nothing)
     return replace(fitted, after=fitted.stood(best.of(kept)))
+
+
+def less_what_is_slight(fitted: Fit) -> Fit:
+    """As ``only_called`` where nothing is probable and what there may be gains little, before anything is told of it.
+    What gains more may be called yet, when it is weighed by the noise that captures show beside it."""
+    return fitted if called(fitted) or fitted.gain >= WORTH else only_called(fitted)
 
 
 def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:

@@ -18,7 +18,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.calling import confirmed, no_worse
+from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
 from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, with_renderings
@@ -130,7 +130,7 @@ def diagnose(
         fitted = fit([c for c in some if not c.held_out], captures.tolerances, told, knots, redraw)
         there = redraw(some, fitted.redrawn) if fitted.redrawn else list(some)
         told("verdict", 0.0)
-        fitted = no_worse([c for c in there if not c.held_out], fitted)
+        fitted = less_what_is_slight(no_worse([c for c in there if not c.held_out], fitted))
         held = [c for c in there if c.held_out]
         fitted = confirmed(fitted, held, yardstick(held, fitted.after.simulations(held), scale))
         told("noise", 0.0)

@@ -5,7 +5,6 @@ Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -89,6 +88,11 @@ class Fit:
     @property
     def best(self) -> Hypothesis:
         return self.hypotheses[0]
+
+    @property
+    def gain(self) -> float:
+        """Of log Z, over calibration's errors alone."""
+        return self.best.score - max((h.score for h in self.hypotheses if not h.causes), default=-np.inf)
 
     @property
     def theta(self) -> np.ndarray:
@@ -271,7 +275,7 @@ def _fit(search: Search, stand: Stand) -> Fit:
         declared[:q],
         left_out.theta,
         careful,
-        partial(numbers, search, stand),
+        _where_it_stands(search, stand),
         left_over(stand.evidence, best),
         severity=severities(named, stand.kept.values()),
         in_place={
@@ -281,6 +285,19 @@ def _fit(search: Search, stand: Stand) -> Fit:
         },
         alike=same,
     )
+
+
+def _where_it_stands(search: Search, stand: Stand) -> Callable[[Hypothesis], Model]:
+    """``numbers`` of a hypothesis, one model however often it is asked for: a model keeps what it has simulated."""
+    kept: dict[tuple[tuple[Cause, ...], tuple[float, ...]], Model] = {}
+
+    def model(h: Hypothesis) -> Model:
+        key = h.causes, h.slabs
+        if key not in kept:
+            kept[key] = numbers(search, stand, h)
+        return kept[key]
+
+    return model
 
 
 def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:
