@@ -1,7 +1,8 @@
 """Families without a cause, which compete with the effects on equal terms, so that the unknown is named as unknown.
 
 Each says what the gap is fixed to: the image (smooth, in places, or in stripes), the surface, a lamp's light on the
-surface, a capture, a mirrored copy, how bright the surroundings are, or edges.
+surface, a capture, a mirrored copy, how bright the surroundings or its line of pixels are, or
+edges.
 """
 
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from analysis.gap.chain_terms import differ
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
 from analysis.gap.state import State
@@ -43,6 +45,7 @@ SURFACE, PATCH, EXTRA = (
 )
 SHADE = "light of one lamp on places of the surface"
 MIRROR, CAPTURE, PLACE = "mirrored copy", "fixed to a capture", "fixed to places of a capture"
+SMEAR = {0: "light smeared along columns", 1: "light smeared along rows"}  # by the axis that it runs along
 SURROUNDINGS = "depends on the surroundings' brightness"
 
 
@@ -65,6 +68,15 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     for way, axes in (("turned by 180 degrees", (0, 1)), ("left to right", (1,)), ("top to bottom", (0,))):
         terms.append(_term(MIRROR, "", way, seldom, _mirrored(axes)))
     terms.append(_term(SURROUNDINGS, "", "gain", seldom, _surroundings))
+    times = sorted({c.camera.t_exp for c in conditions})
+    ways = {"a share of it at every exposure": 0.0}
+    if differ(times):
+        ways["as much at every exposure"] = times[-1]
+    terms += [
+        _term(cause, "", word, seldom, _smeared(axis, t_exp))
+        for axis, cause in SMEAR.items()
+        for word, t_exp in ways.items()
+    ]
     sharp = _term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper)
     terms.append(replace(sharp, low=0.0, against=BLURS))  # both together are a blur of another shape
     terms += [
@@ -150,6 +162,21 @@ def _surroundings(s: State) -> np.ndarray | None:
     small = cv2.GaussianBlur(small, (0, 0), sigma / n)
     wide = cv2.resize(small, (w, h), interpolation=cv2.INTER_LINEAR).reshape(h, w, channels)
     return s.signal * (s.take(wide) / mean - 1)
+
+
+def _smeared(axis: int, t_exp: float) -> Field:
+    """What a whole line of pixels has in the mean, on each of them: a share, as of an amplifier that follows its line's
+    load; or what it has of that in a time that is no exposure's, over ``t_exp`` s, as of charge that is read out
+    through a lit column."""
+
+    def field(s: State) -> np.ndarray | None:
+        mean = np.maximum(s.simulation.dn - s.simulation.black, 0).mean(axis=axis, keepdims=True)
+        if mean.max() < DARK:
+            return None
+        per_time = t_exp / s.camera.t_exp if t_exp else 1.0
+        return s.take(np.broadcast_to(np.float32(per_time * mean), s.simulation.dn.shape))
+
+    return field
 
 
 def _sharper(s: State) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.fit import Fit, fit
-from analysis.gap.generic_terms import SPOT, WAVES, generic_terms
+from analysis.gap.generic_terms import SMEAR, SPOT, WAVES, generic_terms
 from analysis.gap.normal_equations import BLOCK, equations, variance
 from analysis.gap.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
@@ -30,17 +30,22 @@ TIMES = (0, 1, 2, 4, 6, 10, 12)
 
 @dataclass(frozen=True)
 class Pattern(Effect):
-    """Something on the lens that the catalogue does not have: ``kind`` 1 a spot, 2 stripes."""
+    """Something that the catalogue does not have: ``kind`` 1 a spot on the lens, 2 stripes, 3 light that columns gather
+    as they are read out, for 0.01 s, 4 that they gather in the exposure."""
 
     stage = Stage.OPTICS
     order = 5
     source = "this test"
-    kind: float = parameter(0.0, "k", "1", 0, 2, "1 a spot, 2 stripes")
+    kind: float = parameter(0.0, "k", "1", 0, 4, "1 a spot, 2 stripes, 3 and 4 smear")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         row, column = np.indices(image.pixels.shape[:2])
         spot = 1 - 0.12 * np.exp(-((column - 70) ** 2 + (row - 30) ** 2) / 180)
         stripes = 1 + 0.03 * np.sin(2 * np.pi * row / 7)
+        if self.kind >= 3:
+            share = 0.01 / (camera.t_exp if self.kind == 3 else 1.0)
+            smear = share * image.pixels.mean(axis=0, keepdims=True)
+            return replace(image, pixels=(image.pixels + smear).astype(np.float32))
         factor = spot if self.kind == 1 else stripes
         return replace(image, pixels=(image.pixels * factor[..., None]).astype(np.float32))
 
@@ -100,6 +105,17 @@ def test_stripes_are_told_with_their_period(fitted: Fitted) -> None:
     causes = [c for c, p in fitted(2).probability.items() if p > 0.5]
     assert [c[0] for c in causes] == [WAVES]
     assert "period 7.0 px at 90 degrees" in causes[0][1]
+
+
+@pytest.mark.parametrize(("kind", "most"), [(3, "as much at every exposure"), (4, "a share of it")])
+def test_light_that_columns_gather_is_no_glare(fitted: Fitted, kind: float, most: str) -> None:
+    found = fitted(kind)
+    assert [c for c, p in found.probability.items() if p > 0.5] == [(SMEAR[0], "")]
+    index = found.evidence.members[SMEAR[0], ""]
+    amount = {found.terms[i].parameter: found.theta[i] for i in index}
+    word = next(w for w in amount if w.startswith(most))
+    assert amount.pop(word) == pytest.approx(0.01, rel=0.15)  # one condition of seven tells the two apart
+    assert list(amount.values()) == pytest.approx([0.0], abs=0.0015)
 
 
 def test_places_add_up_as_terms_with_fields_do(document: Document, shown: list[Rendered]) -> None:
