@@ -17,7 +17,6 @@ from analysis.gap.numbers import possible
 from analysis.gap.pixel_map import PixelMaps
 from analysis.gap.shapley import Step, shares
 from analysis.gap.shrinkage import Gap, Images, Yardstick
-from analysis.gap.terms import added
 
 CATALOGUED = {name for names in STAGES.values() for name in names}
 UNKNOWN = "outside the catalogue"
@@ -83,8 +82,8 @@ def claimed(
     fitted: Fit, held: Sequence[Condition], by: Yardstick, taken: Attribution, carried: Collection[str]
 ) -> float:
     """χ of what a corrected scene that carries some of the effects shows, all else being as it was fitted."""
-    sets, out = Sets(fitted), [c for n, causes in taken.players.items() if n not in carried for c in causes]
-    return by.chi2([sets.simulated(out, c) for c in held]) ** 0.5
+    out = [c for n, causes in taken.players.items() if n not in carried for c in causes]
+    return by.chi2(lacking(fitted, out).simulations(held)) ** 0.5
 
 
 def called(fitted: Fit) -> list[Cause]:
@@ -103,28 +102,6 @@ def _is_called(fitted: Fit, cause: Cause) -> bool:
     return p >= LIKELIEST and one_of_them >= PRESENT
 
 
-class Sets:
-    """Simulations with some of the causes of a fit. What calibration's errors add is told once, where all causes are:
-    how it changes with them is a product of two small numbers."""
-
-    def __init__(self, fitted: Fit) -> None:
-        self.fitted, self.causes = fitted, fitted.best.causes
-        self._own = np.array([i for i, t in enumerate(fitted.terms) if t.candidate in self.causes], int)
-        self._rest: dict[int, tuple[Condition, np.ndarray]] = {}
-
-    def simulated(self, out: Sequence[Cause], condition: Condition) -> np.ndarray:
-        """(H, W, C) DN without the causes ``out``."""
-        if id(condition) not in self._rest:
-            after = self.fitted.after
-            self._rest[id(condition)] = condition, after.simulated(condition) - self._alone(after, condition)
-        return self._alone(without(self.fitted, out), condition) + self._rest[id(condition)][1]
-
-    def _alone(self, model: Model, condition: Condition) -> np.ndarray:
-        state = model.state(condition)
-        own = [self.fitted.terms[i] for i in self._own]
-        return state.simulation.dn + added(state, own, (model.theta - model.at)[self._own])
-
-
 def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
     """The best model with some of its causes taken out; the others stay as they were fitted."""
     out = np.array([t.candidate in causes for t in fitted.terms], bool)
@@ -132,6 +109,11 @@ def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
     return replace(
         after, theta=np.where(out, before.theta, after.theta), at=np.where(out, before.at, after.at)
     )
+
+
+def lacking(fitted: Fit, causes: Sequence[Cause]) -> Model:
+    """The same, told beside the best model."""
+    return replace(without(fitted, causes), beside=fitted.after)
 
 
 def refitted(fitted: Fit, causes: Sequence[Cause]) -> Model:

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from analysis.gap.attribution import Sets, called, without
+from analysis.gap.attribution import called, lacking, without
 from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
@@ -38,18 +37,15 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     slope of what captures have beyond the others on δ. Where that is less than ``KEPT``, most of it is not there; one
     that would not be seen there either way is not judged.
     """
-    sets = Sets(fitted)
-    own = [i for i, t in enumerate(fitted.terms) if t.cause == CAPTURE]
-    drift = float(fitted.weighed.spike[own].max()) if own else 0.0
+    drift = _drift(fitted)
     while True:
         best, after = fitted.best, fitted.after.simulations(held)
-        gone = [c for c in sets.causes if c not in best.causes]
         left = {}
         for cause in best.causes:
             if best.causes == (cause,):  # then what the file claims at its best is all that is left
                 less = fitted.before.simulations(held)
             else:
-                less = each(partial(sets.simulated, [*gone, cause]), held)
+                less = lacking(fitted, [cause]).simulations(held)
             left[cause] = taken_off(by, less, after, drift)
         worst = min(left, key=lambda c: left[c], default=None)
         if worst is None or left[worst] >= KEPT:
@@ -94,7 +90,8 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
         return fitted
     written = [c.simulated().dn for c in held]
     before, after = (model.simulations(held) for model in (fitted.before, fitted.after))
-    if not (_surely_worse(by, after, before) or _surely_worse(by, after, written)):
+    drift = _drift(fitted)
+    if not any(_surely_worse(by, after, other, drift) for other in (before, written)):
         return fitted
     nothing = fitted.best.of(())
     return replace(
@@ -138,31 +135,37 @@ def as_written_if_better(fitted: Fit, held: Sequence[Condition], by: Yardstick) 
     """Where nothing is called: with the file as written at its best where the held-out captures are surely simulated
     better so than with what the others say of the calibration."""
     written = [c.simulated().dn for c in held]
-    if not _surely_worse(by, fitted.before.simulations(held), written):
+    if not _surely_worse(by, fitted.before.simulations(held), written, _drift(fitted)):
         return fitted
     zero = np.zeros(len(fitted.terms))
     nothing = Model(fitted.terms, zero, zero, fitted.before.knots)
     return replace(fitted, before=nothing, after=nothing)
 
 
-def _surely_worse(by: Yardstick, one: Images, other: Images) -> bool:
+def _drift(fitted: Fit) -> float:
+    """Standard deviation of a capture's own gain, which says nothing of any effect (analysis.gap.shrinkage)."""
+    own = [i for i, t in enumerate(fitted.terms) if t.cause == CAPTURE]
+    return float(fitted.weighed.spike[own].max()) if own else 0.0
+
+
+def _surely_worse(by: Yardstick, one: Images, other: Images, drift: float) -> bool:
     """Whether ``one`` leaves more of the captures than ``other``, by twice the standard error (of blocks)."""
-    sums = by.blocks(other, one)
-    off = sums[:, 2] - sums[:, 4]
-    return bool(off.sum() < -2 * float(np.std(off) * np.sqrt(len(off))))
+    off, error, _ = _off(by, other, one, drift)
+    return off < -2 * error
 
 
 def taken_off(by: Yardstick, before: Images, after: Images, drift: float = 0.0) -> float:
     """What ``after`` takes off the mean χ² of ``before``, over what it would if all of it were true; 1 where that
-    would not be seen (less than twice its standard error by blocks). ``drift``: standard deviation of a capture's own
-    gain, which says nothing of either (analysis.gap.shrinkage)."""
+    would not be seen (less than twice its standard error by blocks)."""
+    off, error, wanted = _off(by, before, after, drift)
+    return 1.0 if wanted < max(2 * error, SEEN) else off / wanted
+
+
+def _off(by: Yardstick, before: Images, after: Images, drift: float) -> tuple[float, float, float]:
+    """What ``after`` takes off the χ² of ``before``, its standard error, and what it would if all of it were true."""
     _, shown, claimed = by.claims(before, after, drift).T
     off = 2 * shown - claimed
-    error = float(np.std(off) * np.sqrt(len(off)))
-    wanted = float(claimed.sum())
-    if wanted < max(2 * error, SEEN):
-        return 1.0
-    return float(off.sum() / wanted)
+    return float(off.sum()), float(np.std(off) * np.sqrt(len(off))), float(claimed.sum())
 
 
 def beside_left_over(fitted: Fit, noise: Sequence[NoiseFinding]) -> Fit:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import Attribution, Sets, claimed, without
+from analysis.gap.attribution import Attribution, claimed, lacking, without
 from analysis.gap.calling import confirmed, no_worse
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import record
@@ -121,18 +121,18 @@ def test_held_out_captures_refute_what_makes_them_worse(vignetting: Diagnosed) -
 
 def test_some_of_the_effects_are_simulated_as_a_model_of_them_is(vignetting: Diagnosed) -> None:
     """All of them exactly, none of them within a twentieth of what they change."""
-    fitted, sets, held = vignetting.fit, Sets(vignetting.fit), vignetting.held_out
+    fitted, held = vignetting.fit, vignetting.held_out
     by = yardstick(held, vignetting.simulations.after, 1.0)
     taken = Attribution({"vignetting": fitted.best.causes}, {}, {})
     for carried, out in (({"vignetting"}, ()), (set(), fitted.best.causes)):
-        want = by.chi2([sets.simulated(out, c) for c in held]) ** 0.5
+        want = by.chi2(lacking(fitted, out).simulations(held)) ** 0.5
         assert claimed(fitted, held, by, taken, carried) == pytest.approx(want)
     for c in held:
         all_of_them = fitted.after.simulated(c)
-        assert sets.simulated([], c) == pytest.approx(all_of_them, abs=1e-3)
+        assert lacking(fitted, []).simulated(c) == pytest.approx(all_of_them, abs=1e-3)
         none = without(fitted, fitted.best.causes).simulated(c)
         change = float(np.abs(all_of_them - none).max())
-        assert sets.simulated(fitted.best.causes, c) == pytest.approx(none, abs=0.05 * change)
+        assert lacking(fitted, fitted.best.causes).simulated(c) == pytest.approx(none, abs=0.05 * change)
 
 
 def test_before_is_told_beside_after_as_it_would_be_alone(vignetting: Diagnosed) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.attribution import called
-from analysis.gap.calling import beside_structure, only_called
+from analysis.gap.calling import beside_structure, less_what_is_slight, only_called
 from analysis.gap.caution import Caution
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.fit import Fit, in_its_place
@@ -128,6 +128,19 @@ def test_none_is_simulated_as_what_explains_it(
     expected = fitted.before if causes is None else fitted.stood(best.of(causes))
     assert said.after.theta == pytest.approx(expected.theta)
     assert said.before is said.after
+
+
+@pytest.mark.parametrize(("p", "gain", "goes"), [(0.3, 5.0, True), (0.3, 15.0, False), (0.6, 5.0, False)])
+def test_what_is_slight_goes_before_anything_is_told_of_it(p: float, gain: float, goes: bool) -> None:
+    """Neither what is called, nor what captures speak for: that may be when it is weighed by another noise."""
+    fitted = _fit(p, 0.1)
+    none = Hypothesis((), (), fitted.best.log_Z - gain, 0.0)
+    fitted = replace(fitted, hypotheses=(fitted.best, none))
+    assert fitted.gain == pytest.approx(gain)
+    found = less_what_is_slight(fitted)
+    assert (found.after is fitted.before) is goes
+    assert (found is fitted) is not goes
+    assert found.best is fitted.best  # what may be there is told all the same
 
 
 def test_beside_structure_a_cause_is_as_probable_as_it_outweighs_it() -> None:
