@@ -46,6 +46,7 @@ SURFACE, PATCH, EXTRA = (
 SHADE = "light of one lamp on places of the surface"
 MIRROR, CAPTURE, PLACE = "mirrored copy", "fixed to a capture", "fixed to places of a capture"
 SMEAR = {0: "light smeared along columns", 1: "light smeared along rows"}  # by the axis that it runs along
+GATHERED, FOLLOWING = "what is gathered as it is read out", "a fixed share of each line's light"
 SURROUNDINGS = "depends on the surroundings' brightness"
 
 
@@ -69,9 +70,9 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
         terms.append(_term(MIRROR, "", way, seldom, _mirrored(axes)))
     terms.append(_term(SURROUNDINGS, "", "gain", seldom, _surroundings))
     times = sorted({c.camera.t_exp for c in conditions})
-    ways = {"a share of it at every exposure": 0.0}
+    ways = {FOLLOWING: 0.0}
     if differ(times):
-        ways["as much at every exposure"] = times[-1]
+        ways[GATHERED] = times[-1]
     terms += [
         _term(cause, "", word, seldom, _smeared(axis, t_exp))
         for axis, cause in SMEAR.items()
