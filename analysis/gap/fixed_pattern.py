@@ -110,7 +110,17 @@ def _jackknifed(total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     each = np.array([_solved(everything - block) for block in total if block[0] > 0])
     n = len(each)
     off = each - each.mean(axis=0)
-    return _solved(everything), (n - 1) / max(n, 1) * off.T @ off + np.diag([1e-16, 1e-8])
+    return _possible(everything), (n - 1) / max(n, 1) * off.T @ off + np.diag([1e-16, 1e-8])
+
+
+def _possible(sums: np.ndarray) -> np.ndarray:
+    """Least squares of what is no less than 0: a square that is told below is noise of the estimate, which the other
+    has a part of."""
+    both = _solved(sums)
+    if (both >= 0).all():
+        return both
+    alone = np.maximum(sums[3:], 0) / np.maximum(sums[[0, 2]], 1e-300)
+    return np.where(np.arange(2) == np.argmax(alone * np.maximum(sums[3:], 0)), alone, 0.0)
 
 
 def _solved(sums: np.ndarray) -> np.ndarray:

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, with_steps, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.findings import beside_unknown
-from analysis.gap.fixed_pattern import fixed_pattern
+from analysis.gap.fixed_pattern import _possible, fixed_pattern
 from analysis.gap.noise import _line, noise_findings, sensor_noise, with_black_level
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from analysis.gap.radiance import Rendered
@@ -187,6 +188,19 @@ def test_fixed_patterns_lie_within_their_intervals() -> None:
             number = told.parameters[name]
             z.append((number.value - true) / number.sigma)
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.6
+
+
+def test_no_pattern_is_less_than_none() -> None:
+    """Squares as by an independent solver: one that came out below 0 was taken for a pattern that is off."""
+    rng = np.random.default_rng(4)
+    below = 0
+    for _ in range(60):
+        X = rng.standard_normal((12, 2)) * [1.0, 0.3] + 0.5
+        y = X @ rng.normal([0.1, 0.0], 0.2) + 0.3 * rng.standard_normal(12)
+        sums = np.array([X[:, 0] @ X[:, 0], X[:, 0] @ X[:, 1], X[:, 1] @ X[:, 1], X[:, 0] @ y, X[:, 1] @ y])
+        below += bool((np.linalg.lstsq(X, y, rcond=None)[0] < 0).any())
+        assert _possible(sums) == pytest.approx(nnls(X, y)[0], abs=1e-6)
+    assert below > 10
 
 
 def test_a_pattern_needs_two_lamps_of_their_own() -> None:
