@@ -353,6 +353,12 @@ class Search:
         at_all = np.append(at, np.zeros(len(forms)))
         model = self.model(at, at)
         anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
+        if any(
+            self.terms[i].kind == "flow" for i in anew
+        ):  # what moves alike is told apart by less than what a
+            anew |= {
+                i for i, t in enumerate(self.terms) if t.kind == "flow"
+            }  # tenth of a pixel changes at edges
 
         def of(condition: Condition) -> tuple[NormalEquations, Sensitivities] | None:
             state = model.state(condition, self.stride, symmetric=True)
