@@ -338,6 +338,14 @@ class Search:
         found = self._each(changed_in)
         return {c.name: change for c, change in zip(self.conditions, found, strict=True)}
 
+    def _anew(self, changes: Collection[Cause]) -> set[int]:
+        """The terms whose sensitivities are drawn where ``changes`` are in force: theirs; and of what moves the image
+        all, if that is among them, as what moves it alike differs by less than edges do from 0.1 px away."""
+        anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
+        if any(self.terms[i].kind == "flow" for i in anew):
+            anew |= {i for i, t in enumerate(self.terms) if t.kind == "flow"}
+        return anew
+
     def stand(
         self,
         at: np.ndarray,
@@ -352,13 +360,7 @@ class Search:
         every = [*self.terms, *forms]
         at_all = np.append(at, np.zeros(len(forms)))
         model = self.model(at, at)
-        anew = {i for i, t in enumerate(self.terms) if t.candidate in changes and t.kind in FOLLOWED}
-        if any(
-            self.terms[i].kind == "flow" for i in anew
-        ):  # what moves alike is told apart by less than what a
-            anew |= {
-                i for i, t in enumerate(self.terms) if t.kind == "flow"
-            }  # tenth of a pixel changes at edges
+        anew = self._anew(changes)
 
         def of(condition: Condition) -> tuple[NormalEquations, Sensitivities] | None:
             state = model.state(condition, self.stride, symmetric=True)
