@@ -112,7 +112,7 @@ def test_captures_do_not_tell_a_shift_of_the_image_from_a_turn(rig: Rig) -> None
     given = conditions(moved.captured("a shift", ()), rig.document)
     shown = {(t, camera_at(t)): r for t, r in zip(TIMES, rig.truth, strict=True)}
     known = [replace(c, rendered=shown[c.captures[0].time, c.camera.name]) for c in given]
-    found = fit([c for c in known if not c.held_out], Tolerances())
+    found = fit([c for c in known if c.camera.name == "/World/Camera0"][:4], Tolerances())
     cause = ("principal_point", "/World/Camera0")
     assert found.best.causes == (cause,)
     (name, _), times = found.alike[cause]
