@@ -11,13 +11,14 @@ from analysis.gap.attribution import called as causes_called
 from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.evidence import ENOUGH, TAU
-from analysis.gap.fit import Fit, uncertainty, uncertainty_of_sum
+from analysis.gap.fit import Fit
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
 from analysis.gap.subpixel_terms import PRODUCT
 from analysis.gap.terms import Cause, together
+from analysis.gap.uncertainty import uncertainty, uncertainty_of_sum
 from interchange.effects.parts import called
 from interchange.sensor import Sensor
 

@@ -1,8 +1,7 @@
 """Families without a cause, which compete with the effects on equal terms, so that the unknown is named as unknown.
 
 Each says what the gap is fixed to: the image (smooth, in places, or in stripes), the surface, a lamp's light on the
-surface, a capture, a mirrored copy, how bright the surroundings or its line of pixels are, or
-edges.
+surface, a capture, a mirrored copy, how bright the surroundings or its line of pixels are, or edges.
 """
 
 from collections.abc import Sequence

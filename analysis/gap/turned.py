@@ -3,10 +3,11 @@
 Both shift all that is seen from one place by two numbers, and alike but for 1 + x²/f², which calibration leaves in the
 image as well. Of captures that differ from the scene by θ of the one, the other explains all but
 
-    M = θ' (G - G A⁻¹ G) θ σ²,      A = G + P,  free in the other's two numbers, P what calibration leaves of the rest
+    M = θ' (G - G A⁻¹ G) θ,      A = G + P,  free in the other's two numbers, P what calibration leaves of the rest
 
-and is exp(-M / 2 T) times as probable, T as blind cases showed it (analysis.gap.sureness). Not by their log Z: where a
-hypothesis stands elsewhere, that of one and the same differs by 10 between two linearisations that it is told from.
+in σ², and is exp(-M / 2 T) times as probable, T as blind cases showed it (analysis.gap.sureness). Not by their log Z:
+where a hypothesis stands elsewhere, that of one and the same differs by 10 between two linearisations that it is told
+from.
 
 Atkinson, Fedorov: The design of experiments for discriminating between two rival models. Biometrika 1975.
 """
@@ -40,7 +41,7 @@ def alike(evidence: Evidence, best: Hypothesis, theta: np.ndarray) -> dict[Cause
 
 
 def unexplained(evidence: Evidence, cause: Cause, theta: np.ndarray, other: Cause) -> float:
-    """M."""
+    """M: what ``other`` leaves of ``cause`` at ``theta`` (q,), σ²."""
     G, precision = evidence.e.G, evidence.spike**-2
     precision[_shifting(evidence, other)] = 0.0
     own = np.zeros(len(G))
