@@ -49,6 +49,10 @@ SHARED = 0.7  # of a tolerance, by all cameras
 OF_A_CHANNEL = 0.5  # of a black level's, of each channel by itself
 OF_A_CAMERA = float(np.sqrt(1 - SHARED**2 - OF_A_CHANNEL**2))  # of a black level's, of each camera by itself
 DARK = "dark_current"  # of the black level
+SENSOR = "sensor"  # what it is of
+# over a black level that is off: sensors give 1 to 100 e-/s (EMVA 1288 data sheets, 25 degrees C), of which exposures
+# of machine vision, milliseconds, leave nothing to be seen
+LEAKING = 0.01
 SHADED = 0.5  # of its tolerance, that it may be uneven by: a guess, half of what may be wrong with all of it
 APART = 2.0  # times, from which on exposures tell it from the level
 VIBRATION = "vibration"  # a path that is as long in every exposure
@@ -188,7 +192,8 @@ def dark_shading(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
 
 def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
     """What a black level grows by with the exposure, where exposures tell: as far off the data sheet's, at the longest
-    of them, as the level itself may be. Below nothing there is none."""
+    of them, as the level itself may be. Below nothing there is none. It is a cause by itself, and a rare one: an even
+    plate shows ambient light alike."""
     longest = max(conditions, key=lambda c: c.camera.t_exp).camera
     if longest.t_exp < APART * min(c.camera.t_exp for c in conditions):
         return []
@@ -198,7 +203,7 @@ def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
 
     spike = tolerances.black_level_dn / (longest.sensor.K * longest.t_exp)
     sheet = longest.sensor.dark_current
-    return [Term("black_level", "", DARK, "e-/s", spike, field, low=-sheet, start=sheet)]
+    return [Term("black_level", SENSOR, DARK, "e-/s", spike, field, low=-sheet, start=sheet, usual=LEAKING)]
 
 
 def shutter_delay(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:

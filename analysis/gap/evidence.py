@@ -77,9 +77,10 @@ class Evidence:
         spikes: np.ndarray | None = None,
     ) -> None:
         self.e, self.terms, self.in_force = equations, list(terms), tuple(in_force)
-        share = np.maximum(equations.share, 1e-12)
-        self.share = share
+        self.share = np.maximum(equations.share, 1e-12)
         self.seen = equations.share > 0
+        sized = self._sized()
+        share = self.share[sized]
         self.low = np.array([t.low for t in terms])
         self.relative = np.array([t.relative for t in terms])
         self.part = np.array([t.part for t in terms])
@@ -94,7 +95,8 @@ class Evidence:
                 free = term.generic or term.family is not None
                 moves = term.kind in ("flow", "scene")
                 self.slabs[term.candidate] = SLABS if free else (SLIGHT, *SLABS, *[FAR] * moves)
-        self.prior = Prior({c: terms[i[0]].camera for c, i in self.members.items()})
+        first = {c: terms[i[0]] for c, i in self.members.items()}
+        self.prior = Prior({c: t.camera for c, t in first.items()}, {c: t.usual for c, t in first.items()})
         self.paths = {c: i for c, i in paths(self.terms).items() if self.seen[i].all()}
         self.fall_offs = {c: i for c, i in fall_offs(self.terms).items() if self.seen[i].all()}
         # what a unit of every term of a cause gives to the image together: cells have one width, however large they are
@@ -106,7 +108,7 @@ class Evidence:
         self.together = together
         # what calibration leaves is told where a term shows: one capture's gain is as far off where there are many
         # and what is not seen stays where it is
-        own = np.where(self.seen, np.maximum(equations.own_share, 1e-12), 1.0)
+        own = np.where(self.seen, np.maximum(equations.own_share, 1e-12)[sized], 1.0)
         for index in self.members.values():
             if terms[index[0]].family is not None:
                 own[index] = np.linalg.norm(own[index])
@@ -114,6 +116,14 @@ class Evidence:
             [t.spike / s if t.relative else t.spike for t, s in zip(terms, own, strict=True)]
         )
         self._weigh(spikes)
+
+    def _sized(self) -> np.ndarray:
+        """(q,): of each term the one whose share tells its widths. What is in one unit is as large in all its parts,
+        however little of one shows: light from a window is no more than all light of a room."""
+        place = {t.key: i for i, t in enumerate(self.terms) if self.seen[i]}
+        return np.array(
+            [place.get((t.cause, t.target, t.sized_by), i) for i, t in enumerate(self.terms)], dtype=int
+        )
 
     def with_spikes(self, spikes: np.ndarray | None) -> "Evidence":
         """The same equations with other ``spikes``."""

@@ -78,7 +78,7 @@ def light_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list
     spike = SMOOTH * t.flat_field
     terms += [
         Term("ambient_light", "", word, "W/(m^2 sr)", spike, _ambient(word), True,
-             low=0.0 if word == "L" else -np.inf, part=part)
+             low=0.0 if word == "L" else -np.inf, part=part, sized_by="L")
         for word, part in ways
     ]  # fmt: skip
     if any(c.shown.indirect for c in conditions):

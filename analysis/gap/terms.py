@@ -73,6 +73,10 @@ class Term:
     camera: str = ""  # which alone shows it; all, where it is empty
     pattern: bool = False  # part of one that has no formula, so that its number is no parameter of its effect
     adds_to: tuple[str, ...] = ()  # parameters of its cause that it is a part of, and none of its own
+    usual: float = 1.0  # how many times as usual its cause is as others of the same effect
+    sized_by: str = (
+        ""  # parameter of its cause, in the same unit, that widths are told by; its own, where it is empty
+    )
 
     @property
     def is_a_parameter(self) -> bool:

@@ -72,19 +72,20 @@ SIDES: tuple[tuple[str, Any, Any], ...] = (  # score, the cases that it is about
 )
 
 
-def by_claim(singles: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[str]:
-    """Lines of a table: of each severity, what the diagnosis says that its captures would show, and what it found."""
-    if not singles:
+def by_claim(what: str, cases: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> list[str]:
+    """Lines of a table: of each severity, what the diagnosis says that its captures would show of the effects, each by
+    itself, and what it found."""
+    if not cases:
         return []
     lines = [
         "",
-        f"| one effect | {' | '.join(f'of those {w}' for w in CLAIMS.values())} | of which it says nothing |",
+        f"| {what} | {' | '.join(f'of those {w}' for w in CLAIMS.values())} | of which it says nothing |",
     ]
     lines.append("|---|" + "---|" * (len(CLAIMS) + 1))
-    for severity in sorted({_wanted(x) for x in singles}):
+    for severity in sorted({_wanted(x) for x in cases}):
         cells = []
         for claim in [*CLAIMS, None]:
-            of = [x for x in singles if _wanted(x) == severity and findable(x, answers[x["case"]]) == claim]
+            of = [x for x in cases if _wanted(x) == severity and findable(x, answers[x["case"]]) == claim]
             cells.append(f"{sum(right(x, answers[x['case']], True) for x in of)}/{len(of)}" if of else "–")
         lines.append(f"| {100 * severity:g} % | {' | '.join(cells)} |")
     return lines
@@ -133,9 +134,11 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
             line(f"{word}, {100 * s:g} %", some, lambda x, a: right(x, a))
             line(f"{word}, {100 * s:g} %, tied as one", some, lambda x, a: right(x, a, True))
     found = by.get("single", [])
-    for claim, words in CLAIMS.items():
-        some = [x for x in found if findable(x, answers[x["case"]]) == claim]
-        line(f"one effect, of those {words}, exact", some, lambda x, a: right(x, a))
+    several = [*by.get("pair", []), *by.get("triple", [])]
+    for of, what in ((found, "one effect"), (several, "several effects")):
+        for claim, words in CLAIMS.items():
+            some = [x for x in of if findable(x, answers[x["case"]]) == claim]
+            line(f"{what}, of those {words}, exact", some, lambda x, a: right(x, a))
     line("one effect: named, whatever else is", found, lambda x, a: there(x) <= a.named)
     line("one effect: called unknown", found, lambda x, a: a.unknown)
     beyond = by.get("outside", [])
@@ -188,7 +191,8 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     if seconds := [a.seconds for a in answers.values() if a.seconds is not None]:
         lines.append(f"| time of a case | median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s |")
 
-    lines += by_claim(found, answers)
+    lines += by_claim("one effect", found, answers)
+    lines += by_claim("several effects, the least of the claims", several, answers)
     lines += side_by_side(labels, answers)
     lines += ["", "| effect | exact | named | called where it is not |", "|---|---|---|---|"]
     for name in sorted(

@@ -156,8 +156,13 @@ CLAIMS = {
 
 
 def findable(label: dict[str, Any], a: Answer) -> str | None:
-    """Which of ``CLAIMS`` the diagnosis makes of the one effect of ``label``; None where it says nothing of it."""
-    (effect,) = label["effects"]
+    """Which of ``CLAIMS`` the diagnosis makes of the effects of ``label``, the least of them, each told as if it were
+    alone; None where it says nothing of one."""
+    claims = [_claim(effect, a) for effect in label["effects"]]
+    return next((c for c in (None, "none", "easy", "sure") if c in claims), None)
+
+
+def _claim(effect: dict[str, Any], a: Answer) -> str | None:
     if effect["name"] not in (a.smallest or {}):
         return None
     told = (a.smallest or {})[effect["name"]]

@@ -233,12 +233,12 @@ def test_a_dark_current_is_what_the_sensor_gives_more_where_exposures_tell(condi
     longer = replace(condition, camera=replace(condition.camera, t_exp=4.0))
     assert dark_current([condition, condition], Tolerances()) == []
     (term,) = dark_current([condition, longer], Tolerances())
-    assert term.candidate == ("black_level", "")
+    assert term.candidate == ("black_level", "sensor")
     for c in (condition, longer):
         leaks = replace(c.camera, sensor=replace(c.camera.sensor, dark_current=100.0))
         real = replace(c, camera=leaks).simulated().dn - c.simulated().dn
         assert 100 * np.asarray(term.field(State(c))) == pytest.approx(real, rel=1e-3)
-    change = Change("black_level", "", {"dark_current": 100.0}, {"dark_current": 0.0})
+    change = Change("black_level", "sensor", {"dark_current": 100.0}, {"dark_current": 0.0})
     scene = replace(condition.scene, cameras=(condition.camera,))
     assert changed(scene, scene, change).cameras[0].sensor.dark_current == pytest.approx(100)
 

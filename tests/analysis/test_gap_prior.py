@@ -30,6 +30,13 @@ def test_all_cameras_have_half_of_an_effect_and_each_of_them_the_rest() -> None:
     assert one == other == pytest.approx(0.25)
 
 
+def test_a_rare_cause_takes_little_from_the_others_of_its_effect() -> None:
+    off, leaking, glare = ("black_level", ""), ("black_level", "sensor"), ("veiling_glare", "")
+    prior = Prior(dict.fromkeys((off, leaking, glare), ""), {leaking: 0.01})
+    assert np.exp(prior((leaking,)) - prior((off,))) == pytest.approx(0.01)
+    assert np.exp([prior((c,)) for c in (off, leaking)]).sum() == pytest.approx(np.exp(prior((glare,))))
+
+
 def test_pairs_of_many_effects_have_together_what_pairs_have() -> None:
     causes: list[Cause] = [(f"e{i}", "") for i in range(60)]
     prior = Prior(dict.fromkeys(causes, ""))
@@ -51,3 +58,26 @@ def test_widths_are_averaged_over(seen: float) -> None:
     log_p = -0.5 * seen**2 / variance - 0.5 * np.log(variance)
     want = np.log(np.exp(log_p[:-1]).mean()) - log_p[-1]
     assert evidence.best((cause,), {}).log_Z - evidence.at((), ()).log_Z == pytest.approx(want, abs=1e-6)
+
+
+def test_a_part_that_hardly_shows_is_no_larger_than_the_whole_is() -> None:
+    """Ambient light that is seen with 1e-3 of it, what of it leans to one side with a thousandth of its share: both are
+    as wide as the light is, in closed form. As wide as its own share tells, the lean would cost ln 1000 more."""
+    spike, weight, seen = 1e-3, 1e6, 0.02
+    both = [
+        Term("ambient_light", "", p, "W/(m^2 sr)", spike, lambda s: None, sized_by="L") for p in ("L", "x")
+    ]
+    share = np.array([1.0, 1e-3])
+    G = weight * np.diag(share**2)
+    e = NormalEquations(G, G[0] * seen, weight * seen**2, weight, np.full(2, weight), 0.0, 1)
+    (cause,) = Evidence(e, both).members
+    for slab in SLABS:
+        evidence = Evidence(e, both, spikes=np.full(2, spike))
+        wide = np.clip(slab / np.sqrt(2), 2 * spike, 40 * spike)
+        by_width = [
+            -0.5 * np.log1p(sd**2 * weight * share**2)
+            + 0.5 * (weight * seen * share) ** 2 * [1, 0] / (weight * share**2 + sd**-2)
+            for sd in (wide, spike)
+        ]
+        want = (by_width[0] - by_width[1]).sum()
+        assert evidence.log_Z((cause,), (slab,)) - evidence.log_Z((), ()) == pytest.approx(want, abs=1e-6)

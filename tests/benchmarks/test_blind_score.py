@@ -242,11 +242,18 @@ def test_a_table_says_what_was_claimed_of_each_severity():
         _label("b", "single", "vignetting", wanted=0.01),
         _label("c", "single", "gloss", wanted=0.01),
         _label("d", "single", "defocus", wanted=0.01),
+        _label("e", "pair", "vignetting", "gloss", wanted=0.02),
+        _label("f", "pair", "vignetting", "gloss", wanted=0.015),
+        _label("g", "triple", "vignetting", "gloss", "defocus", wanted=0.02),
     ]
     right = {"a": {"vignetting": 0.9}, "b": {"vignetting": 0.9}, "c": {}, "d": {"defocus": 0.9}}
+    right |= {c: {"vignetting": 0.9, "gloss": 0.9} for c in "efg"}
     page = table(labels, {c: Answer(said, smallest=told) for c, said in right.items()})
     assert "| 1 % | – | 1/1 | 0/1 | 1/1 |" in page
     assert "| 2 % | 1/1 | – | – | – |" in page
+    assert "| 1.5 % | – | – | 1/1 | – |" in page  # of two the least
+    assert "| 2 % | – | 1/1 | – | 0/1 |" in page
+    assert "several effects, of those that it says it does not find, exact | 1/1" in page
 
 
 def test_of_a_set_that_was_not_run_to_its_end_the_first_by_name_count(
