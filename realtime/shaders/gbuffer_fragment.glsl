@@ -35,14 +35,6 @@ uniform float threshold;
 
 void main()
 {
-#ifdef OPACITY
-    float share = opacity;
-#ifdef OPACITY_MAP
-    share = sampled(opacity_map, opacity_map_uv, opacity_map_wrap, st).x;
-#endif
-    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, uint(body)), sample_index)) discard;
-#endif
-
 #ifdef TELECENTRIC
     float q = z;
 #else
@@ -84,5 +76,13 @@ void main()
 #endif
     slopes = vec4(dFdx(s), dFdy(s));
 #endif
+#endif
+#ifdef OPACITY
+    // last: slopes next to a discarded texel are undefined after it (GLSL 4.10, 8.12), and wrong on GPUs
+    float share = opacity;
+#ifdef OPACITY_MAP
+    share = sampled(opacity_map, opacity_map_uv, opacity_map_wrap, st).x;
+#endif
+    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, uint(body)), sample_index)) discard;
 #endif
 }

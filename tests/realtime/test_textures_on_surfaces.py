@@ -1,5 +1,8 @@
 """Textures on surfaces are interchange.material.evaluate_texture at the point that the pixel shows."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -15,9 +18,21 @@ TRANSFORM = np.array([[2.1, -0.6, 0.3], [0.5, 1.7, -0.4], [0, 0, 1]])
 SUN = Light("/sun", LightKind.DISTANT, (np.pi, np.pi, np.pi))
 
 
+PIXEL = 0.0101  # m
+GRID = 1 / 256  # px: GPUs lay vertices on this grid of the window before they interpolate between them
+
+
+def near(pixels, value, uv, rtol=0.0):
+    """Whether ``pixels`` are ``value`` of coordinates within a step of GRID, and of float32 ones times 7 texels."""
+    steps = [np.array([i, j]) * GRID * PIXEL for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    exact = value(uv)
+    slack = np.max([np.abs(value(uv + step) - exact) for step in steps], axis=0)
+    return (np.abs(pixels - exact) <= slack + 3e-5 + rtol * exact).all()
+
+
 def seen(rasterizer, make, material, lights=(), camera=None):
     """Pixels, and the texture coordinates (W3 of the plane, from the position pass)."""
-    camera = camera or make.telecentric((0, 0, 1), (0, 0, 0), 0.0101, (96, 96))
+    camera = camera or make.telecentric((0, 0, 1), (0, 0, 0), PIXEL, (96, 96))
     scene = Scene((Body("/p", make.plane(), material),), lights)
     image = rasterizer.render(scene, camera, ["position"], samples=1)
     uv = image.passes["position"][..., :2].astype(float) + 0.5
@@ -31,24 +46,27 @@ def test_emission(rasterizer, make, wrap, channels):
         RNG.uniform(0, 1, (5, 7, channels)).astype(np.float32), (wrap, Wrap.MIRROR), uv_from_st=TRANSFORM
     )
     pixels, uv = seen(rasterizer, make, Material("m", Lambert(0.0), emission_map=texture))
-    assert np.allclose(pixels, evaluate_texture(texture, uv), atol=3e-5)  # float32 coordinates times 7 texels
+    assert near(pixels, partial(evaluate_texture, texture), uv)
 
 
 @pytest.mark.parametrize("channels", [1, 3])
 def test_map_of_a_parameter(rasterizer, make, channels):
     texture = Texture(RNG.uniform(0, 1, (6, 6, channels)).astype(np.float32), uv_from_st=TRANSFORM)
     pixels, uv = seen(rasterizer, make, Material("m", Lambert(0.0), {"diffuse": texture}), (SUN,))
-    assert np.allclose(pixels, evaluate_texture(texture, uv), atol=3e-5)
+    assert near(pixels, partial(evaluate_texture, texture), uv)
 
 
 def test_map_of_an_exponent(rasterizer, make):
     texture = Texture(RNG.uniform(1, 30, (6, 6, 1)).astype(np.float32))
     brdf = Phong(0.0, specular=1.0, n=1.0)
-    camera = make.telecentric((0.5, 0, 1), (0, 0, 0), 0.0101, (96, 96))
+    camera = make.telecentric((0.5, 0, 1), (0, 0, 0), PIXEL, (96, 96))
     pixels, uv = seen(rasterizer, make, Material("m", brdf, {"n": texture}), (SUN,), camera)
     hit = np.isfinite(uv[..., 0])
-    expected = np.pi * (1 / np.sqrt(1.25)) ** evaluate_texture(texture, uv[hit])
-    assert np.allclose(pixels[hit], expected, rtol=1e-4)
+
+    def expected(uv):
+        return np.pi * (1 / np.sqrt(1.25)) ** evaluate_texture(texture, uv)
+
+    assert near(pixels[hit], expected, uv[hit], rtol=1e-4)
 
 
 def test_texture_under_a_distorting_lens(rasterizer, make):
@@ -103,6 +121,25 @@ def test_opacity_is_a_share_and_a_cut_out(rasterizer, make):
             Scene((floor, Body("/veil", make.plane(), material)), (SUN,)), under, samples=64
         )
         assert abs(lit.pixels.mean() - expected) < 0.01
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.5])
+def test_what_a_veil_leaves_is_lit_as_an_opaque_surface(rasterizer, make, threshold):
+    """Which neighbours are holes must not matter to the slopes of the depth, by which a facet is in shadow or not."""
+    texture = Texture(RNG.uniform(0, 1, (100, 100, 1)).astype(np.float32))
+    veil = Material("veil", Lambert(1.0), opacity_map=texture, opacity_threshold=threshold)
+    camera = make.pinhole((0.6, -0.8, 1.2), (0, 0, 0), fov=0.5)
+    sun = replace(SUN, world_from_light=make.facing((1.0, 0.5, 1.0), (0, 0, 0)))
+    floor = Body("/floor", make.plane(4, 4), Material("black", Lambert(0.0)), make.at(0, 0, -0.3))
+    pixels, opaque = (
+        rasterizer.render(
+            Scene((Body("/p", make.plane(2, 2), material), floor), (sun,)), camera, samples=1
+        ).pixels
+        for material in (veil, Material("opaque", Lambert(1.0)))
+    )
+    seen = pixels[..., 0] > 0
+    assert abs(seen.mean() - 0.5) < 0.05
+    assert np.allclose(pixels[seen], opaque[seen], rtol=1e-5)
 
 
 def test_a_texture_that_does_not_fit_is_an_error(rasterizer, make):
