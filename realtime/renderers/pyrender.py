@@ -5,6 +5,8 @@ Matl et al.: pyrender 0.1.45, https://github.com/mmatl/pyrender.
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from types import TracebackType
 from typing import Any
@@ -39,6 +41,25 @@ def _destroy_context(platform: Any) -> None:
         EGL.eglMakeCurrent(platform._egl_display, EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, EGL.EGL_NO_CONTEXT)
         EGL.eglDestroyContext(platform._egl_display, platform._egl_context)
         platform._egl_context = None
+
+
+@contextmanager
+def _one_sample_a_pixel(library: Any, renderer: Any) -> Iterator[None]:
+    """Draw at pixels' centres. pyrender keeps four samples and turns multisampling off for that, which leaves open
+    whether each has the centre's depth (OpenGL 4.1, 3.3.1): in software they have, on GPUs not."""
+    module, inner = library.renderer, renderer._renderer
+    allocate = module.glRenderbufferStorageMultisample
+
+    def allocate_one(target: Any, samples: int, *rest: Any) -> None:
+        allocate(target, 0, *rest)
+
+    inner._delete_main_framebuffer()
+    module.glRenderbufferStorageMultisample = allocate_one
+    try:
+        yield
+    finally:
+        module.glRenderbufferStorageMultisample = allocate
+        inner._delete_main_framebuffer()
 
 
 class Pyrender:
@@ -91,7 +112,10 @@ class Pyrender:
         marks = {
             n: (i & 255, i >> 8 & 255, i >> 16) for n, i in zip(nodes, ids, strict=True) if n is not None
         }
-        marked, z = self._renderer.render(drawn, flags=flags | library.RenderFlags.SEG, seg_node_map=marks)
+        with _one_sample_a_pixel(library, self._renderer):
+            marked, z = self._renderer.render(
+                drawn, flags=flags | library.RenderFlags.SEG, seg_node_map=marks
+            )
         depth = np.where(z > 0, z, np.inf)
         if (
             camera.lens.projection is Projection.ORTHOGRAPHIC
