@@ -106,14 +106,25 @@ def exposures(out: Path, with_dark: bool, drawn_to: Path | None) -> None:
 
 def compared(found: dict[str, Any], series: Series) -> None:
     told = {f["name"]: f["parameters"] for f in found["effects"]}
+    dn = 255 / FULL_WELL
     if "saturation" in told:
         full = told["saturation"]["full_well"]
-        dn = 255 / FULL_WELL
         print(
             f"  saturation at {full['value'] * dn:.2f} ± {full['sigma'] * dn:.2f} DN; pictures end at {series.highest}"
         )
     else:
         print(f"  saturation: not found; pictures end at {series.highest} DN")
+    if "hot_current" in told.get("fixed_pattern", {}):
+        own, longest = told["fixed_pattern"], max(SHUTTERS)
+        grown = series.grown(longest)
+        size = series.dark[longest][0].size
+        share, current = own["hot_share"], own["hot_current"]
+        print(
+            f"  hot: {size * share['value']:.1f} ± {size * share['sigma']:.1f} pixels, "
+            f"{current['value'] * dn:.1f} ± {current['sigma'] * dn:.1f} DN/s in the mean; reference: "
+            f"{grown.size}, {1e3 * (grown.mean() - HOT) / longest:.1f} DN/s beyond the {HOT} DN that "
+            f"they were chosen by"
+        )
 
 
 def twin(camera: Camera, shape: tuple[int, int]) -> Camera:

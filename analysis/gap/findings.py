@@ -13,6 +13,7 @@ from analysis.gap.diagnosis import PRESENT, Estimate, Finding
 from analysis.gap.evidence import ENOUGH, TAU
 from analysis.gap.fit import Fit
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
+from analysis.gap.hot_pixels import HOT
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
@@ -146,8 +147,9 @@ def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Findin
 
 def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFinding:
     """A fixed pattern beside what has no name and is fixed to the image may be what that leaves at its pixels: less
-    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.fit.believed)."""
-    if noise.name != "fixed_pattern":
+    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.fit.believed). Hot pixels are none
+    of it."""
+    if noise.name != "fixed_pattern" or any(n.startswith(HOT) for n in noise.parameters):
         return noise
     e, theta, unknown = fitted.evidence.e, fitted.after.theta, 0.0
     for cause in fitted.best.causes:

@@ -20,6 +20,8 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.expected import Noise, per_electron
 from analysis.gap.fixed_pattern import fixed_pattern
+from analysis.gap.hot_pixels import HotPixels, hot_pixels, less_hot, places
+from analysis.gap.hot_pixels import numbers as hot_numbers
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from interchange.effects.sensor_noise import SensorNoise
 from interchange.parameter import parameters
@@ -47,11 +49,26 @@ def noise_findings(
     black levels are not their data sheets'.
     """
     repeated = next((c.camera.name for c in conditions if c.spread is not None), "")
+    hot = hot_pixels(conditions, simulations)
+    cool = less_hot(conditions, hot)
     judged = (
-        sensor_noise(conditions, simulations, offsets.get(repeated, 0.0)),
-        fixed_pattern(conditions, simulations),
+        sensor_noise(cool, simulations, offsets.get(repeated, 0.0)),
+        pattern(conditions, simulations, hot),
     )
     return [*(n for n in judged if n is not None), *code_findings(conditions, simulations)]
+
+
+def pattern(
+    conditions: Sequence[Condition], simulations: Sequence[np.ndarray], hot: Mapping[str, HotPixels]
+) -> NoiseFinding | None:
+    """A fixed pattern, and ``hot`` pixels, which are told by themselves."""
+    told = fixed_pattern(less_hot(conditions, hot), simulations)
+    if not hot:
+        return told
+    p, own = (told.probability, told.parameters) if told else (0.0, {})
+    return NoiseFinding(
+        "fixed_pattern", max(p, *(x.probability for x in hot.values())), own | hot_numbers(hot), places(hot)
+    )
 
 
 def with_noise(
@@ -75,9 +92,9 @@ def with_noise(
         if "fixed_pattern" in probable:
             if name not in patterns:
                 own = [k for k, x in enumerate(conditions) if x.camera.name == name]
-                patterns[name] = fixed_pattern([conditions[k] for k in own], [simulations[k] for k in own])
-            told = patterns[name]
-            if told is not None:
+                some, shown = [conditions[k] for k in own], [simulations[k] for k in own]
+                patterns[name] = fixed_pattern(less_hot(some, hot_pixels(some, shown)), shown)
+            if told := patterns[name]:
                 prnu, dsnu = (told.parameters[n].value for n in ("prnu", "dsnu"))
                 noise = replace(noise, prnu=max(prnu, s.prnu), dsnu=max(dsnu, s.dsnu))
         out.append(replace(c, noise=noise))

@@ -18,11 +18,13 @@ class Number:
 
 @dataclass(frozen=True)
 class NoiseFinding:
-    """``name`` of the file contract; ``parameters`` by the names of the effect's file, and K of photon transfer."""
+    """``name`` of the file contract; ``parameters`` by the names of the effect's file, and K of photon transfer;
+    ``notes``: what is told of it besides, where it is found."""
 
     name: str
     probability: float
     parameters: dict[str, Number]
+    notes: tuple[str, ...] = ()
 
 
 def probability(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from analysis.gap import aperture
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import PRESENT
 from analysis.gap.encoded import Screen
 from analysis.gap.findings import cautious
 from analysis.gap.fit import Fit
@@ -36,6 +37,7 @@ def notes(
         *_encoded(screens),
         *_refuted(fitted),
         *(taken_back(n.name) for n in forged),
+        *(note for n in judged if n.probability >= PRESENT for note in n.notes),
         *cautious(fitted),
         *_wider(fitted),
         *_apertures(fitted),

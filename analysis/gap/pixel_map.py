@@ -10,7 +10,7 @@ closer to 0. Robinson: That BLUP is a good thing: the estimation of random effec
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import noise_variance
 from analysis.gap.fixed_pattern import flat
+from analysis.gap.hot_pixels import hot_pixels
 
 AROUND = 7
 LEAST = (1e-5, 1e-2)  # PRNU and DSNU (e-) that are next to none
@@ -25,9 +26,10 @@ LEAST = (1e-5, 1e-2)  # PRNU and DSNU (e-) that are next to none
 
 @dataclass(frozen=True, eq=False)
 class PixelMaps:
-    """By camera: gain less 1, and offset e-, (H, W, C) each."""
+    """By camera: gain less 1, and offset e-, (H, W, C) each; of those that have some, what is hot, e-/s."""
 
     of: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    hot: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def applied(self, conditions: Sequence[Condition], images: Sequence[np.ndarray]) -> list[np.ndarray]:
         """``images`` (H, W, C) DN of ``conditions`` with their cameras' pixels; those without a map stay."""
@@ -35,7 +37,8 @@ class PixelMaps:
         for c, dn in zip(conditions, images, strict=True):
             sensor = c.camera.sensor
             gain, offset = self.of.get(c.camera.name, (0.0, 0.0))
-            out.append(dn + (dn - sensor.black_level) * gain + sensor.K * offset)
+            electrons = offset + c.camera.t_exp * self.hot.get(c.camera.name, 0.0)
+            out.append(dn + (dn - sensor.black_level) * gain + sensor.K * electrons)
         return out
 
 
@@ -46,10 +49,14 @@ def pixel_maps(conditions: Sequence[Condition], simulations: Sequence[np.ndarray
     for c, dn in zip(conditions, simulations, strict=True):
         if not c.held_out and c.noise is not None:
             groups.setdefault(c.camera.name, []).append((c, dn))
-    return PixelMaps({name: _predicted(own) for name, own in groups.items()})
+    hot = {k: v for own in groups.values() for k, v in hot_pixels(*zip(*own, strict=True)).items()}
+    currents = {name: x.current for name, x in hot.items()}
+    return PixelMaps({name: _predicted(own, currents.get(name)) for name, own in groups.items()}, currents)
 
 
-def _predicted(own: Sequence[tuple[Condition, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(
+    own: Sequence[tuple[Condition, np.ndarray]], hot: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
     noise = own[0][0].noise
     assert noise is not None
     precision = 1 / np.maximum([noise.prnu, noise.dsnu], LEAST) ** 2
@@ -61,7 +68,8 @@ def _predicted(own: Sequence[tuple[Condition, np.ndarray]]) -> tuple[np.ndarray,
         ok = (seen > 0).astype(np.float32)
         temporal = noise_variance(dn, noise.of(c.camera))[0] / len(c.captures)
         w, K = ok / temporal, c.camera.sensor.K
-        r = _less_smooth((c.mean - dn).astype(np.float32), ok)
+        known = dn if hot is None else dn + K * c.camera.t_exp * hot
+        r = _less_smooth((c.mean - known).astype(np.float32), ok)
         gains += w * s * s
         both += w * s * K
         offsets += w * K * K

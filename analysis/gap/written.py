@@ -11,6 +11,7 @@ from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import Finding
 from analysis.gap.encoded import Screen, on_scene
 from analysis.gap.fit import Fit
+from analysis.gap.hot_pixels import HOT
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.painted import patterns
 from analysis.gap.terms import together
@@ -40,7 +41,7 @@ def written(
     pixels are off by how much is known; ``screens``: cameras whose captures are encoded."""
     changes = [
         *_changes(conditions, fitted, {f.name for f in findings}),
-        *(_noise_change(n) for n in noise if n.name in WRITTEN),
+        *(change for n in noise if n.name in WRITTEN for change in _noise_changes(n)),
     ]
     left = write_corrected(document, captures, changes, path, partial(on_scene, screens=screens))
     if mapped:
@@ -72,6 +73,9 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> l
     return changes
 
 
-def _noise_change(noise: NoiseFinding) -> Change:
-    """Its numbers stand for those of the sensor's data sheet."""
-    return Change(noise.name, "", {n: x.value for n, x in noise.parameters.items()}, None)
+def _noise_changes(noise: NoiseFinding) -> list[Change]:
+    """Its numbers stand for those of the sensor's data sheet; what is hot is an effect by itself there."""
+    values = {n: x.value for n, x in noise.parameters.items()}
+    hot = {n.removeprefix(HOT): values.pop(n) for n in list(values) if n.startswith(HOT)}
+    changes = [Change(noise.name, "", values, None)] if values else []
+    return [*changes, Change("hot_pixels", "", hot, None)] if hot else changes
