@@ -60,6 +60,15 @@ float chance(uvec3 place, int index)
     return fract(float(v.x >> 8u) / 16777216.0 + float(index) * 0.6180339887);
 }
 
+#ifdef OPACITY
+// A number of its own for either side of a body, so that each lets its own share through; the same for all facets of
+// one side, over whose edges shares would be spread less evenly.
+uint layer(float body)
+{
+    return 2u * uint(body) + uint(gl_FrontFacing);
+}
+#endif
+
 int modulo(int i, int n)
 {
     int r = i - n * int(floor(float(i) / float(n)));  // % is undefined below zero

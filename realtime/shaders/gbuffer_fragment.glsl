@@ -83,6 +83,6 @@ void main()
 #ifdef OPACITY_MAP
     share = sampled(opacity_map, opacity_map_uv, opacity_map_wrap, st).x;
 #endif
-    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, uint(body)), sample_index)) discard;
+    if (threshold > 0.0 ? share < threshold : share <= chance(uvec3(gl_FragCoord.xy, layer(body)), sample_index)) discard;
 #endif
 }

@@ -123,6 +123,23 @@ def test_opacity_is_a_share_and_a_cut_out(rasterizer, make):
         assert abs(lit.pixels.mean() - expected) < 0.01
 
 
+@pytest.mark.parametrize("opacity", [0.3, 0.6])
+def test_both_sides_of_a_hollow_body_let_their_share_through(rasterizer, make, opacity):
+    """A hollow black ball before an emitter, and its shadow: (1 - opacity)^2; 256 pixels of 64 samples, shadows of
+    64 times as many texels."""
+    ball = Body("/ball", make.ball(), Material("veil", Lambert(0.0), opacity=opacity))
+    glow = Material("glow", Lambert(0.0), emission=(1.0, 1.0, 1.0))
+    camera = make.telecentric((0, 0, 3), (0, 0, 0), 0.01, (16, 16))
+    through = rasterizer.render(
+        Scene((ball, Body("/glow", make.plane(), glow, make.at(0, 0, -2)))), camera, samples=64
+    )
+    assert through.pixels.mean() == pytest.approx((1 - opacity) ** 2, abs=0.01)
+    floor = Body("/floor", make.plane(), Material("floor", Lambert(1.0)), make.at(0, 0, -2))
+    under = make.telecentric((0.6, 0, -1.5), (0, 0, -2), 0.01, (8, 8))
+    lit = rasterizer.render(Scene((floor, ball), (SUN,)), under, samples=64)
+    assert lit.pixels.mean() == pytest.approx((1 - opacity) ** 2, abs=0.02)
+
+
 @pytest.mark.parametrize("threshold", [0.0, 0.5])
 def test_what_a_veil_leaves_is_lit_as_an_opaque_surface(rasterizer, make, threshold):
     """Which neighbours are holes must not matter to the slopes of the depth, by which a facet is in shadow or not."""
