@@ -18,6 +18,7 @@ from interchange.problems import BrightfieldError, did_you_mean
 from interchange.scene import Body, Scene
 
 NEARER = 2e-3  # of the depth: what two surfaces must differ by to hide one another
+LISTED = 8  # bodies, in an error
 
 
 class Renderer(Protocol):
@@ -87,7 +88,9 @@ def named(scene: Scene, words: list[str]) -> list[Body]:
             or b.name.rsplit("/", 1)[-1] == word
         ]
         if not fits:
-            hint = did_you_mean(word, [b.name for b in scene.bodies])
+            names = [b.name for b in scene.bodies]
+            few = names[:LISTED] + ["…"] * (len(names) > LISTED)
+            hint = did_you_mean(word, names) or f" Its bodies are {', '.join(few) or 'none'}."
             raise BrightfieldError(f'The scene has no body "{word}".{hint} ({scene.source})')
         found |= {id(b): b for b in fits}
     return list(found.values())
