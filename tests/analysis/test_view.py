@@ -136,9 +136,9 @@ def test_a_ball_seen_in_perspective_is_seen_wherever_it_faces(rasterizer):
 
 def test_a_body_that_is_not_there_is_one_error(rasterizer):
     scene = Scene((body("/World/part", plate(1, 1)),))
-    with pytest.raises(BrightfieldError, match='no body "/World/prt". Did you mean "/World/part"'):
+    with pytest.raises(BrightfieldError, match=r'no body "/World/prt"\. Did you mean "/World/part"'):
         named(scene, ["/World/prt"])
-    with pytest.raises(BrightfieldError, match='no body "wheel". Its bodies are /World/part.'):
+    with pytest.raises(BrightfieldError, match=r'no body "wheel"\. Its bodies are /World/part\.'):
         named(scene, ["wheel"])
     behind = replace(telecentric(0.01, eye=(0, 0, -1.0)))
     with pytest.raises(BrightfieldError, match="Nothing of the workpiece faces"):
