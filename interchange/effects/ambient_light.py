@@ -35,7 +35,7 @@ class AmbientLight(Effect):
     )
     identified_by = "It is there with all lamps off, fills shadows, and is weaker in corners."
     confused_with = ("black_level", "veiling_glare", "interreflection")
-    separated_by = "one capture with all lamps off"
+    separated_by = "a capture with all lamps off, and one with the lens covered"
 
     L: float = parameter(
         0.0, "L", "W/(m^2 sr)", 0, 1e9, "radiance, mean of the channels and of all directions"
