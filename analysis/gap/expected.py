@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from interchange.camera import Camera
+from analysis.gap import cut
+from interchange.camera import Camera, Sensor
 from interchange.effects import Effect, chain
 from interchange.effects.response_curve import ResponseCurve
 from interchange.exposure import steps_of
 from interchange.image import Image, Quantity
-from interchange.sensor import Response
 
 DRAWN_BY_LOT = ("fixed_pattern", "quantization", "jpeg")  # no part of the mean
 SATURATED = 0.95  # of the highest DN
@@ -61,7 +61,7 @@ class Noise:
 
 
 def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
-    """(H, W, C) float32: the mean DN of many frames, neither rounded nor clipped."""
+    """(H, W, C) float32: the mean DN of many frames, not rounded; what is cut off at DN 0 is (analysis.gap.cut)."""
     through, camera = chain(camera, effects)
     curve = next((e for e in through if isinstance(e, ResponseCurve)), None)
     steps = steps_of(camera, [e for e in through if e.name() not in (*DRAWN_BY_LOT, "response_curve", "saturation")],
@@ -70,24 +70,7 @@ def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.
     for step in steps:
         if step.name != "rounding":
             out = step.function(out, None)
-    pixels = out.pixels
-    if curve is not None:
-        pixels = _through(curve, pixels, camera)
-    return np.asarray(pixels, np.float32)
-
-
-def _through(curve: ResponseCurve, linear: np.ndarray, camera: Camera) -> np.ndarray:
-    """The mean of what a curve makes of ``linear`` DN and their noise. Of one that bends much that is not what it makes
-    of their mean: Gauss-Hermite quadrature of three points, exact for curves of the fifth order."""
-    sensor = camera.sensor
-    if curve.response is not Response.SRGB:  # a table may end in a corner, which no polynomial follows
-        return curve.output(linear, sensor.bit_depth, sensor.black_level)
-    signal = np.maximum(linear - np.float32(sensor.black_level), 0)
-    pattern = np.square(sensor.prnu * signal) + (sensor.K * sensor.dsnu) ** 2
-    sigma = np.sqrt(sensor.K * signal + (sensor.K * sensor.read_noise) ** 2 + 1 / 12 + pattern)
-    points = ((-np.sqrt(3), 1 / 6), (0.0, 2 / 3), (np.sqrt(3), 1 / 6))
-    parts = [w * curve.output(linear + z * sigma, sensor.bit_depth, sensor.black_level) for z, w in points]
-    return np.asarray(sum(parts[1:], parts[0]))
+    return np.asarray(cut.mean(out.pixels, camera.sensor, curve), np.float32)
 
 
 def expected(
@@ -104,24 +87,36 @@ def expected(
 def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Temporal and fixed-pattern variance, DN², float32, of pixels whose mean is ``dn``."""
     sensor = camera.sensor
-    light, still = per_electron(dn, camera)
-    temporal = light + still * sensor.read_noise**2 + 1 / 12
+    linear, slope = _linear(dn, camera)
+    light, still = _per_electron(linear, slope, sensor)
+    temporal = light + still * sensor.read_noise**2
     electrons = np.divide(light, still, out=np.zeros_like(light), where=still > 0)
     fixed = still * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2)
-    return temporal.astype(np.float32), fixed.astype(np.float32)
+    if cut.is_cut(sensor):
+        u = linear / cut.sigma(linear, sensor)
+        temporal, fixed = temporal * cut.kept(u), fixed * cut.seen(u) ** 2
+    return (temporal + 1 / 12).astype(np.float32), fixed.astype(np.float32)
 
 
 def per_electron(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """K² e s² and K² s², DN²: photon noise of pixels whose mean is ``dn``, and what an electron² of other noise adds. s
     is the slope of the response curve."""
-    sensor = camera.sensor
-    linear, slope = np.asarray(dn, np.float64), np.ones(1)
-    curve = ResponseCurve.of(camera)
-    if curve.is_there:
-        x = np.linspace(sensor.black_level, 2**sensor.bit_depth - 1, 4096)[1:]
-        y = curve.output(x, sensor.bit_depth, sensor.black_level)
-        linear = np.interp(dn, y, x)
-        slope = np.interp(dn, y, np.gradient(y, x))
+    return _per_electron(*_linear(dn, camera), camera.sensor)
+
+
+def _linear(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The linear DN whose mean is ``dn``, and the slope of the response curve there."""
+    sensor, curve = camera.sensor, ResponseCurve.of(camera)
+    dn = np.asarray(dn, np.float64)
+    if not curve.is_there:
+        return cut.level(dn, sensor), np.ones(1)
+    x = np.linspace(sensor.black_level, 2**sensor.bit_depth - 1, 4096)[1:]
+    y = curve.output(x, sensor.bit_depth, sensor.black_level)
+    linear = np.interp(dn, *cut.table(sensor, curve)[::-1]) if cut.is_cut(sensor) else np.interp(dn, y, x)
+    return linear, np.interp(linear, x, np.gradient(y, x))
+
+
+def _per_electron(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
     electrons = np.maximum((linear - sensor.black_level) / sensor.K, 0)
     still = np.broadcast_to(sensor.K**2 * slope**2, electrons.shape)
     return electrons * still, still

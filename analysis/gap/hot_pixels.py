@@ -7,7 +7,8 @@ neighbours' is
 
 I its dark current beyond its neighbours', d its offset, p its gain's: least squares a pixel, of all its conditions.
 A pixel is hot where I is ``SURE`` of its standard deviations, by the noise or by what the line leaves, whichever is
-more. A speck on a surface is none (p), nor a highlight of one lamp (the line leaves it).
+more. A speck on a surface is none (p), nor a highlight of one lamp (the line leaves it). Under one and the same light
+nothing tells I from p.
 
 Dark currents of hot pixels are exponential (Widenhorn et al. 2002), so that those beyond a limit exceed it by their
 mean, and exp(-limit / mean) of them are beyond it.
@@ -29,7 +30,13 @@ APART = 2.0  # times the shortest exposure that the longest is, from which on ex
 CANDIDATE = 4.0  # of noise, in a longest exposure: what is looked at by itself
 SURE = 6.0
 BY_CHANCE = 0.5  # of a camera's pixels that look hot and are not
-GAIN, OFFSET = 1.0, 50.0  # priors of p (1) and d (e-): next to none
+GAIN, OFFSET = (
+    1e3,
+    50.0,
+)  # priors of p (1) and d (e-): none, as a gain does what I does where light is the same, and little
+# what a picture shows of one pixel besides: what its surface has that no p tells, over the signal, and edges, px
+TEXTURE, SHIFT = 0.02, 0.1
+MOST = 0.01  # of all pixels: what more have is something else
 FEWEST = 4  # conditions that see a pixel, one more than numbers that are told
 LISTED = 20  # pixels
 HOT = "hot_"  # what numbers of them are called by, before those of the effect
@@ -128,7 +135,7 @@ def _of_one(
     current, sigma = _currents(seen, place, [conditions[k] for k in own], times)
     sure = current > SURE * sigma
     n = int(sure.sum())
-    if not n:
+    if not 0 < n <= MOST * simulations[own[0]].size:
         return None
     plane = np.zeros(simulations[own[0]].shape, np.float32)
     plane[tuple(p[sure] for p in place)] = current[sure]
@@ -137,15 +144,17 @@ def _of_one(
 
 
 def _residual(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(H, W, C): residual less its neighbours' median, DN; its variance, infinite where nothing is compared;
-    DN above black."""
+    """(H, W, C): residual less its neighbours' median, DN; its variance, infinite where nothing is compared; DN above
+    black."""
     r = (c.mean - simulation).astype(np.float32)
     around = np.stack(
         [cv2.medianBlur(np.ascontiguousarray(r[..., k]), AROUND) for k in range(r.shape[2])], axis=2
     )
     variance = noise_variance(simulation, c.camera)[0] / len(c.captures) + c.step**2 / 12
-    usable = c.usable(c.simulated())[..., None]
     s = (simulation - c.camera.sensor.black_level).astype(np.float32)
+    down, along = np.gradient(s, axis=(0, 1))
+    variance = variance + (TEXTURE * s) ** 2 + SHIFT**2 * (down**2 + along**2)
+    usable = c.usable(c.simulated())[..., None]
     return r - around, np.where(usable, variance, np.inf).astype(np.float32), s
 
 

@@ -24,9 +24,12 @@ H, W, C = 120, 160, 3
 SHEET = Sensor((W, H), (5e-6, 5e-6), responsivity=8000.0, full_well=1e4, black_level=64, read_noise=5, prnu=0.004,
                dsnu=1.0, bit_depth=12)  # fmt: skip
 EXPOSURES = ((1.0, 0.2), (1.0, 1.0), (0.0, 1.0), (0.0, 0.2), (0.5, 1.0))  # radiance, s
+ALIKE = ((1.0, 0.2), (1.0, 0.4), (1.0, 0.6), (1.0, 0.8), (1.0, 1.0))
 
 
-def _rig(seed: int, *effects: Effect, sheet: Sensor = SHEET) -> tuple[list[Condition], list[np.ndarray]]:
+def _rig(
+    seed: int, *effects: Effect, sheet: Sensor = SHEET, shots: tuple[tuple[float, float], ...] = EXPOSURES
+) -> tuple[list[Condition], list[np.ndarray]]:
     """A lamp of three powers, at two exposures, twice each."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:H, :W] / H
@@ -34,17 +37,17 @@ def _rig(seed: int, *effects: Effect, sheet: Sensor = SHEET) -> tuple[list[Condi
     full = Scene(lights=(Light("/A", LightKind.SPHERE, (1.0,) * 3),))
     nothing = np.zeros((H, W, C), np.float32)
     found = []
-    for k, (power, t_exp) in enumerate(EXPOSURES):
+    for k, (power, t_exp) in enumerate(shots):
         camera = Camera("/Top", sensor=replace(sheet, serial_number=str(seed)), t_exp=t_exp)
         shown = Rendered(
             full, camera, {"/A": plane.astype(np.float32)}, {"/A": np.ones(3)}, nothing, nothing, {}, {}
         )
         scene = replace(full, lights=tuple(replace(light, intensity=(power,) * 3) for light in full.lights))
         image = Image(shown.radiance(scene))
-        shots = np.stack([expose(image, camera, rng=rng, effects=effects).pixels for _ in range(2)])
-        captures = tuple(Capture(f"{k}_{i}.png", "/Top", 0, t_exp, s, bits=16) for i, s in enumerate(shots))
-        spread, mask = shots.var(axis=0, ddof=1), np.ones((H, W), bool)
-        found.append(Condition(captures, scene, camera, shots.mean(axis=0), spread, mask, rendered=shown))
+        frames = np.stack([expose(image, camera, rng=rng, effects=effects).pixels for _ in range(2)])
+        captures = tuple(Capture(f"{k}_{i}.png", "/Top", 0, t_exp, s, bits=16) for i, s in enumerate(frames))
+        spread, mask = frames.var(axis=0, ddof=1), np.ones((H, W), bool)
+        found.append(Condition(captures, scene, camera, frames.mean(axis=0), spread, mask, rendered=shown))
     return found, [c.simulated().dn for c in found]
 
 
@@ -106,6 +109,16 @@ def test_hot_pixels_are_a_fixed_pattern_and_no_noise_and_their_map_closes_the_ga
     noise = np.sqrt(conditions[1].simulated().temporal[sites] / 2)
     assert np.sqrt(np.mean((before / noise) ** 2)) > 5
     assert np.sqrt(np.mean((left / noise) ** 2)) < 1.4  # two repeats of it in what they are told from
+
+
+def test_under_one_light_nothing_is_told() -> None:
+    """Specks all over a picture that is longer and longer exposed; and hot pixels, that nothing tells from them."""
+    for effects, specks in (((), 3000), ((Model(2e-3, 300.0),), 0)):
+        conditions, simulations = _rig(3, *effects, shots=ALIKE)
+        place = np.random.default_rng(0).choice(H * W, specks, replace=False)
+        for c, s in zip(conditions, simulations, strict=True):
+            c.mean.reshape(-1, C)[place] += 3 * (s - SHEET.black_level).reshape(-1, C)[place]
+        assert hot_pixels(conditions, simulations) == {}
 
 
 @pytest.mark.parametrize("exposures", [1, 3])

@@ -1,0 +1,80 @@
+"""What is cut off at DN 0, against the sensor's own model: 120000 values of each light."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from analysis.gap import cut
+from analysis.gap.expected import expected, noise_variance
+from interchange.camera import Camera, Sensor
+from interchange.exposure import expose
+from interchange.image import Image, Quantity
+from interchange.sensor import Response
+
+SHAPE = (200, 200, 3)
+
+
+def _camera(black: float, response: Response, bits: int) -> Camera:
+    return Camera(
+        "/Top",
+        sensor=Sensor(SHAPE[1::-1], (5e-6, 5e-6), responsivity=8000.0, full_well=10500, black_level=black, read_noise=7,
+                      prnu=0.004, dsnu=2.0, bit_depth=12, output_bit_depth=bits, response=response),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("light", [0.0, 5e-4, 2e-3, 1e-2, 0.3])
+@pytest.mark.parametrize(
+    ("black", "response", "bits"),
+    [
+        (0, Response.LINEAR, 0),
+        (5, Response.LINEAR, 0),
+        (64, Response.LINEAR, 0),
+        (0, Response.SRGB, 0),
+        (64, Response.SRGB, 0),
+        (0, Response.SRGB, 8),
+    ],
+)
+def test_mean_and_variance_are_those_of_the_sensors_model(
+    black: float, response: Response, bits: int, light: float
+) -> None:
+    """Means to 4 standard errors, of 8 bits to a tenth of a step more, as it rounds twice; variances, all of them, to
+    4 %, where the slope of sRGB's curve over the noise stands for the curve: 15 %."""
+    camera = _camera(black, response, bits)
+    image = Image(np.full(SHAPE, light, np.float32), Quantity.RADIANCE, camera)
+    e = expected(image.pixels, camera)
+    rng = np.random.default_rng(0)
+    y = expose(image, camera, rng=rng).pixels.astype(float)
+    assert e.dn.mean() == pytest.approx(y.mean(), abs=4 * y.std() / np.sqrt(y.size) + 0.1 * (bits == 8))
+    assert e.variance.mean() == pytest.approx(y.var(), rel=0.15 if response is Response.SRGB else 0.04)
+
+
+@pytest.mark.parametrize("u", [-3.0, -0.5, 0.0, 1.0, 5.0])
+def test_moments_are_those_of_a_censored_normal(u: float) -> None:
+    def moment(n: int) -> float:
+        return float(quad(lambda x: x**n * norm.pdf(x, u), 0, u + 12)[0])
+
+    assert float(cut.cut(np.array(2 * u), np.array(2.0))) == pytest.approx(2 * moment(1))
+    assert float(cut.kept(np.array(u))) == pytest.approx(moment(2) - moment(1) ** 2, rel=1e-6)
+
+
+def test_a_sensor_without_noise_cuts_nothing() -> None:
+    """A dark of DN 0 that is 0 in every frame."""
+    sensor = Sensor((4, 4), full_well=1e4, bit_depth=8)
+    assert cut.mean(np.array([0.0, 0.2, 1.0]), sensor, None) == pytest.approx([0, 0.2, 1], abs=1e-3)
+
+
+def test_levels_are_told_from_means() -> None:
+    sensor = _camera(3, Response.LINEAR, 0).sensor
+    linear = np.array([3.0, 4.0, 10.0, 100.0, 3000.0])
+    assert cut.level(cut.mean(linear, sensor, None), sensor) == pytest.approx(linear, abs=0.01)
+
+
+def test_a_camera_with_a_black_level_is_told_as_ever() -> None:
+    sensor = _camera(64, Response.LINEAR, 0).sensor
+    assert not cut.is_cut(sensor)
+    linear = np.linspace(0, 4095, 50)
+    assert cut.mean(linear, sensor, None) is linear
+    temporal, _ = noise_variance(linear, _camera(64, Response.LINEAR, 0))
+    light = np.maximum(linear - 64, 0)
+    assert temporal == pytest.approx(sensor.K * light + (sensor.K * 7) ** 2 + 1 / 12, rel=1e-6)
