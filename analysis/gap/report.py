@@ -17,6 +17,7 @@ from analysis.gap.report_pictures import gap_map, shown, waterfall
 from analysis.gap.report_words import (
     evidence,
     interval,
+    kinds,
     meaning,
     next_captures,
     number,
@@ -154,7 +155,7 @@ def _effect(f: Finding, found: Diagnosed) -> str:
     )
     head = "<tr><th>parameter</th><th class=n>value</th><th class=n>σ</th><th>95 %</th><th></th></tr>"
     table = f"<table>{head}{rows}</table>"
-    mark = why(f.name)
+    mark = why(kinds(f))
     seen = f"<dt>What gives it away</dt><dd>{html.escape(mark)}</dd>" if mark else ""
     noise = (
         "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
@@ -175,7 +176,7 @@ def _effect(f: Finding, found: Diagnosed) -> str:
         f"takes off {100 * f.share:.0f} % of χ² · "
         f"χ without it {f.gap_without:.2f}, with it {f.gap_with:.2f}</span></h3>"
         f'<div class="meter"><div style="width:{100 * f.probability:.1f}%"></div></div>'
-        f"<p>{html.escape(meaning(f.name))}</p>"
+        f"<p>{html.escape(meaning(kinds(f)))}</p>"
         f'<div class="two"><div>{table}</div><dl><dt>Why</dt><dd>{html.escape(said)}</dd>{said_so}{seen}'
         f"<dt>Why not something else</dt>{rivals}{advice}</dl></div></div>"
     )

@@ -8,6 +8,7 @@ from analysis.gap import aperture
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, names
 from analysis.gap.fit import Fit
+from analysis.gap.hot_pixels import HOT
 from analysis.gap.structure import STEPS
 from interchange.effects import MODELS
 from interchange.parameter import parameters
@@ -115,25 +116,39 @@ def _times(gain: float) -> str:
     return f"10^{gain / math.log(10):.0f}" if gain > 14 else f"{float(f'{math.exp(gain):.1g}'):,.0f}"
 
 
-def meaning(name: str) -> str:
-    """What the effect is, the first sentence of its file."""
-    module = sys.modules.get(MODELS[name].__module__) if name in MODELS else None
-    return (module.__doc__ or "").strip().split("\n")[0] if module else ""
+def kinds(finding: Finding) -> list[str]:
+    """The effects that it is of: hot pixels are told with a fixed pattern, or as one."""
+    if not any(n.startswith(HOT) for n in finding.parameters):
+        return [finding.name]
+    alone = all(n.startswith(HOT) for n in finding.parameters)
+    return ["hot_pixels"] if alone else [finding.name, "hot_pixels"]
 
 
-def why(name: str) -> str:
-    """What only this effect does."""
-    return str(getattr(MODELS.get(name), "identified_by", ""))
+def _inside(sentence: str) -> str:
+    """As it is after a colon: "DN" stays what it is."""
+    return sentence if sentence[:2].isupper() else sentence[0].lower() + sentence[1:]
+
+
+def meaning(names: Sequence[str]) -> str:
+    """What effects are, the first sentence of each one's file."""
+    modules = [sys.modules.get(MODELS[n].__module__) for n in names if n in MODELS]
+    return " ".join((m.__doc__ or "").strip().split("\n")[0] for m in modules if m)
+
+
+def why(names: Sequence[str]) -> str:
+    """What only these effects do."""
+    return " ".join(getattr(MODELS[n], "identified_by", "") for n in names if n in MODELS)
 
 
 def why_not(fit: Fit, finding: Finding) -> list[str]:
     """One sentence or two for each effect that looks alike."""
     chances = {name: p for name, p in finding.rivals if p >= LEAST}
-    alike = [*dict(finding.rivals), *getattr(MODELS.get(finding.name), "confused_with", ())]
+    own = kinds(finding)
+    alike = [*dict(finding.rivals), *(n for k in own for n in getattr(MODELS.get(k), "confused_with", ()))]
     out = []
-    for rival in dict.fromkeys(alike):
-        mark = why(rival)
-        seen = f" It would show like this: {mark[0].lower()}{mark[1:]}" if mark else ""
+    for rival in (n for n in dict.fromkeys(alike) if n not in (finding.name, *own)):
+        mark = why([rival])
+        seen = f" It would show like this: {_inside(mark)}" if mark else ""
         if rival in chances:
             out.append(
                 f"{plain(rival)}: could stand in its place with probability {chances[rival]:.2f}.{seen}"

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
-from analysis.gap.report_words import evidence, interval, sentence, what_is_left, why_not
+from analysis.gap.report_words import evidence, interval, kinds, sentence, what_is_left, why, why_not
 from analysis.gap.structure import Structure
 from interchange.effects import MODELS
 
@@ -27,10 +27,30 @@ def _fit(instead: float) -> Any:
     ],
 )
 def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: float, said: str) -> None:
-    finding: Any = SimpleNamespace(name="defocus", rivals=())
+    finding: Any = SimpleNamespace(name="defocus", rivals=(), parameters={})
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+def test_hot_pixels_are_told_as_what_they_are() -> None:
+    """With a fixed pattern, or as one; "DN" begins no sentence of its own and stays what it is."""
+    number = Estimate(1.0, 0.1, "1")
+    hot = {"hot_share": number, "hot_current": number}
+    pattern: Any = SimpleNamespace(name="fixed_pattern", rivals=(("exposure", 0.2),), parameters=hot)
+    assert kinds(pattern) == ["hot_pixels"]
+    words = why_not(_fit(0.0), pattern)
+    assert not any(w.startswith(("hot pixels", "fixed pattern")) for w in words)
+    assert ": all DN above black" in next(w for w in words if w.startswith("exposure"))
+    pattern.parameters = {"prnu": number, **hot}
+    assert kinds(pattern) == ["fixed_pattern", "hot_pixels"]
+    assert why(kinds(pattern)).endswith(MODELS["hot_pixels"].identified_by)
+    assert any(
+        "DN differ by" in w
+        for w in why_not(
+            _fit(0.0), SimpleNamespace(name="exposure", rivals=(("response_curve", 0.2),), parameters={})
+        )
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.95, "closes 95 % of"), (-0.01, "closes nothing of")])
