@@ -16,8 +16,8 @@ class BlackLevel(Effect):
     order = 10
     source = "EMVA Standard 1288, release 4.0 Linear, 2021, eq. 4: µ_y = K µ_e + µ_y.dark."
     identified_by = (
-        "The same DN everywhere, with the lens covered too; whatever the exposure, or in proportion to it where it is a "
-        "dark current."
+        "The same DN everywhere, with the lens covered too; whatever the exposure, or in proportion to it where it is "
+        "a dark current."
     )
     confused_with = ("veiling_glare", "ambient_light", "sensor_noise")
     separated_by = "a capture with the lens covered"
