@@ -189,6 +189,9 @@ def main() -> None:
     a = parser.parse_args()
     if len(a.folders) != (1 if a.do == "draw" else 2):
         parser.error("draw takes one folder, compare two")
+    undrawn = [str(f) for f in a.folders if a.do == "compare" and not (f / "about.json").is_file()]
+    if undrawn:
+        parser.error(f"nothing was drawn into {' or '.join(undrawn)}")
     if a.do == "draw":
         draw(a.folders[0], a.frames)
     else:
