@@ -32,13 +32,11 @@ class Worker:
         self.log = self.folder / "blender.log"
         self.sender = protocol.Sender()
         self.receiver = protocol.Receiver()
-        environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
-        }
+        path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # an empty one would be the folder it is in
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "offline.worker", str(self.folder)],
+                [sys.executable, "-P", "-m", "offline.worker", str(self.folder)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from analysis.gap.terms import Cause, Term
-from analysis.gap.uneven_blur import UNEVEN
+from analysis.gap.uneven_blur import most
 
 P0, V0 = 0.3, 0.12  # px²
 TOLD = 0.9  # of what a defocus keeps: what keeps less is told
@@ -43,9 +43,8 @@ def may_be_one(causes: Iterable[Cause], variance: float) -> bool:
 def variance(terms: Sequence[Term], theta: np.ndarray) -> float:
     """px² of the largest defocus among ``theta`` (q,) of ``terms``, with what it differs by over the image: pixels are
     alike everywhere. 0 where there is none."""
-    found: dict[str, float] = {}
+    found: dict[str, dict[str, float]] = {}
     for t, x in zip(terms, theta, strict=True):
         if t.cause == DEFOCUS[0]:
-            more = float(x) if t.parameter == DEFOCUS[1] else abs(float(x)) * (t.parameter in UNEVEN)
-            found[t.target] = found.get(t.target, 0.0) + more
-    return max([*found.values(), 0.0])
+            found.setdefault(t.target, {})[t.parameter] = float(x)
+    return max([0.0, *(values.get(DEFOCUS[1], 0.0) + most(values) for values in found.values())])

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.gap.chain_terms import DARK
 from analysis.gap.saturation_terms import KNEES, lost_above
-from analysis.gap.uneven_blur import CORNER
+from analysis.gap.uneven_blur import CORNER, FOURTH
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects import MODELS, Effect
@@ -135,9 +135,9 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         return camera
     effect = replace(own, **model.within(given))  # type: ignore[type-var]
     if isinstance(effect, Defocus) and start is not None and CORNER in change.values:
-        more = change.values[CORNER] - start[CORNER]
-        if abs(more) > ALIKE * effect.blur**2:
-            return _curved(effect.on(camera), more)
+        more = [change.values[n] - start[n] if n in change.values else 0.0 for n in (CORNER, FOURTH)]
+        if abs(sum(more)) > ALIKE * effect.blur**2:
+            return _curved(effect.on(camera), *more)
     if start is not None and DARK in change.values:
         s = camera.sensor
         more = change.values[DARK] - start[DARK]
@@ -153,13 +153,13 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
     return effect.on(camera) if effect.carried_by or type(effect).on is not Effect.on else camera
 
 
-def _curved(camera: Camera, more: float) -> Camera:
-    """With its blur, and ``more`` px² of variance in the corner, as discs that grow with the field: least squares of
-    their rms over a round image. A scene file says no blur that leans or that no thin lens gives to depths."""
+def _curved(camera: Camera, more: float, steeply: float) -> Camera:
+    """With its blur, and ``more`` px² of variance in the corner, and those that grow ``steeply``, by the fourth power,
+    as discs that grow with the field: least squares of their rms over a round image. A scene file says no blur that leans or that no thin lens gives to depths."""
     if any(camera.lens.field_blur):
         raise BrightfieldError("The lens has a blur over the field already, of which this would be a part.")
     square = (np.arange(ENTRIES) + 0.5) / ENTRIES  # of how far out, each as much of the image
-    rms = np.sqrt(np.maximum(camera.lens.blur**2 + more * square, 0))
+    rms = np.sqrt(np.maximum(camera.lens.blur**2 + more * square + steeply * square**2, 0))
     grown, axis = 4 * np.polyfit(square, rms, 1)
     over_field = FieldBlur(float(axis), float(grown), float(grown))
     return over_field.on(replace(camera, lens=replace(camera.lens, blur=0.0)))

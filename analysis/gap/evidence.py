@@ -9,8 +9,9 @@ and p(M) ∝ prior(M) Z_M^(1/τ). All are told from one inverse: with C = A⁻¹
 
     A_M = A + U Δ U',  Δ = slab⁻² - spike⁻²,  A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C
 
-A hypothesis whose term is below what it may be does not count, nor one whose path is as wide as it is long, or whose
-fall-off rises.
+A term of a cause that would be below what it may be, by more than errors reach, stands there: that costs half the
+square of how many standard deviations it is moved by. A hypothesis whose path is as wide as it is long, or whose
+fall-off rises, does not count.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
@@ -41,6 +42,7 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
+REACH = 2.0  # spikes, or standard deviations, that a term may be below what it may be
 FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
 Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is
@@ -213,8 +215,9 @@ class Evidence:
         covariance = (base.C(told, told) - gone) * np.outer(self.spike[told], self.spike[told])
         n = len(bounded)
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
-        if (theta[:n] < self.low[bounded] - 2 * np.maximum(self.spike[bounded], sigma)).any():
-            return -np.inf
+        least = self.low[bounded] - REACH * np.maximum(self.spike[bounded], sigma)
+        if (theta[:n] < least).any():
+            log_Z -= _raised(theta, covariance, least)
         last = n + 3 * len(along)
         for k in range(n, last, 3):
             if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
@@ -379,6 +382,24 @@ class Evidence:
             for fewer in combinations(current.causes, size):
                 tried(fewer)
         return sorted(found.values(), key=lambda h: -h.score)
+
+
+def _raised(theta: np.ndarray, covariance: np.ndarray, least: np.ndarray) -> float:
+    """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for its first terms to be ``least``
+    (n,) at least, one after the other, the farthest first; it is changed."""
+    n, cost = len(least), 0.0
+    free = np.ones(n, bool)
+    while True:
+        below = np.where(free, least - theta[:n], 0.0)
+        sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 1e-30))
+        k = int(np.argmax(below / sigma))
+        if below[k] <= 0:
+            return cost
+        along = covariance[:, k] / sigma[k]
+        cost += 0.5 * (below[k] / sigma[k]) ** 2
+        theta += along * below[k] / sigma[k]
+        covariance -= np.outer(along, along)
+        free[k] = False
 
 
 def _best(hypotheses: Iterable[Hypothesis | None]) -> Hypothesis | None:

@@ -50,6 +50,7 @@ KEPT = (
     0.5  # of what is hoped for, that it must gain where it stands: else another that moves may be behind it
 )
 UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
+HIDES = 2.0  # times as far off as declared that cameras look, from which on something may have moved instead
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
 
@@ -145,8 +146,8 @@ def fit(
     if search.widths.factors.get("registration_px", 1.0) > 1:
         first = search.scaled(search.stand(search.registered(), {}, "evidence", first.kept))
     first = search.averaged(first)
-    stands = _followed(search, first, redraw is not None) if first.best.causes else []
-    chosen = max(stands or [first], key=lambda s: s.best.score)
+    stands = _followed(search, first, redraw is not None) if first.best.causes or _hides(search) else []
+    chosen = max([*stands, first] if _hides(search) else stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
     far, kept = search.far(chosen), first.kept
@@ -191,24 +192,31 @@ def _rescaled(search: Search, kept: dict[str, Sensitivities], chosen: Stand) -> 
     return search.averaged(search.stand(search.registered(), {}, "evidence", kept))
 
 
+def _hides(search: Search) -> bool:
+    """Whether cameras look further off than declared, which may be something that moved."""
+    return search.widths.factors.get("registration_px", 1.0) >= HIDES
+
+
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     """Where the starts of the first stand lead to, until one of them is clear, or two come to the same."""
     none = next(h for h in first.hypotheses if not h.causes)
     hoped = _gain(first)
 
     def clear(stand: Stand) -> bool:
-        return stand.best.score - none.score > CLEAR * hoped
+        return stand.best.score - none.score > max(CLEAR * hoped, WORTH)
 
-    alone = search.alone(first)
-    if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
-        stand = search.followed(first, alone, "fit 1")
-        if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
+    hides = _hides(search)
+    nearly = None if hides else search.alone(first)
+    if nearly is not None and nearly.hypothesis.score - none.score > NEARLY * hoped > 0:
+        stand = search.followed(first, nearly, "fit 1")
+        if stand.best.causes == nearly.hypothesis.causes and _gain(stand) > KEPT * hoped:
             return [stand]
-    moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
-    starts = [*moves, *search.starts(first)]
+    may_move = hides or (hoped > WORTH and search.may_move(first.best))
+    moves = search.moves(first) if may_move else []
+    starts = [*moves, *(search.starts(first) if first.best.causes else [])]
     stands: list[Stand] = []
     astray: list[Stand] = []
-    for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
+    for k, start in enumerate(starts[: STARTS - len(moves) // 2 if moves or hoped > WORTH else 1]):
         causes, what = start.hypothesis.causes, f"fit {k + 1}"
         if any(set(causes) == set(s.best.causes) for s in stands):
             continue  # another start came here
@@ -224,7 +232,8 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
                 return [*stands, stand]  # the renderer goes on from there
             stand = search.gone_on(stand, what, stands)
             single = len(stand.best.causes) == 1 and clear(stand)
-            if stand.is_its_own and (stand.best.causes == causes or single):
+            alone = stand.is_its_own and (stand.best.causes == causes or single)
+            if alone and (clear(stand) or not hides):
                 return [*stands, stand]
         if not stand.is_its_own:
             astray.append(stand)

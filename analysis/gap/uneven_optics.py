@@ -53,6 +53,7 @@ class UnevenBlur(Effect):
     achromatic = True
 
     corner: float = parameter(0.0, "a", "px²", -1e4, 1e4, "variance more in the corner")
+    fourth: float = parameter(0.0, "f", "px²", -1e4, 1e4, "variance more in the corner, by the fourth power")
     right: float = parameter(0.0, "b", "px²", -1e4, 1e4, "variance more half a diagonal to the right")
     down: float = parameter(0.0, "c", "px²", -1e4, 1e4, "variance more half a diagonal down")
 
@@ -62,7 +63,7 @@ class UnevenBlur(Effect):
         return replace(image, pixels=uneven(image.pixels, 0.0, self.slopes(camera)))
 
     def slopes(self, camera: Camera) -> Slopes:
-        return Slopes(self.corner, self.right, self.down, axis=axis_of(camera))
+        return Slopes(self.corner, self.right, self.down, self.fourth, axis_of(camera))
 
 
 def uneven(plane: np.ndarray, sigma: float, slopes: Slopes, finer: int = 1) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.evidence import Evidence
+from analysis.gap.evidence import REACH, Evidence
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 
@@ -38,7 +38,29 @@ def test_log_z_is_the_same_from_everywhere(equations: NormalEquations, low: floa
             slabs = [width[c] for c in causes]
             told = leaning.log_Z(tuple(causes), slabs)
             assert told == pytest.approx(plain.log_Z(tuple(causes), slabs), abs=1e-8)
-            assert np.isfinite(told) == (low < 0.1 or names[1] not in causes)
+            free = Evidence(equations, _terms(-np.inf)).log_Z(tuple(causes), slabs)
+            assert (told < free - 1) == (low == 0.1 and names[1] in causes)
+
+
+def test_what_a_term_costs_that_would_be_below_what_it_may_be(equations: NormalEquations) -> None:
+    """Half of what χ², the priors' included, is larger by where the term stands at its least: solved for directly."""
+    low, width = 0.1, (0.01, 0.03)
+    causes = (("a", ""), ("b", ""))
+    bounded, free = Evidence(equations, _terms(low)), Evidence(equations, _terms(-np.inf))
+    cost = free.log_Z(causes, width) - bounded.log_Z(causes, width)
+    wide, ratio = free._wide(causes, width)
+    sd = free.spike.copy()
+    sd[wide] *= ratio
+    A = equations.G + np.diag(sd**-2)
+    (b,) = free.members["b", ""]
+    sigma = np.sqrt(np.linalg.inv(A)[b, b])
+    least = low - REACH * max(free.spike[b], sigma)
+    others = np.delete(np.arange(len(NAMES)), b)
+    rest = np.linalg.solve(A[np.ix_(others, others)], equations.b[others] - A[others, b] * least)
+    held = np.insert(rest, b, least)
+    best = np.linalg.solve(A, equations.b)
+    assert best[b] < least - 3 * sigma  # far below
+    assert cost == pytest.approx(0.5 * (held - best) @ A @ (held - best))
 
 
 def test_an_evidence_goes_when_it_is_no_longer_held(equations: NormalEquations) -> None:

@@ -15,7 +15,7 @@ from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import means
 from analysis.gap.state import State
 from analysis.gap.terms import Term
-from analysis.gap.uneven_blur import CORNER, LEANING, NEARER, UNEVEN
+from analysis.gap.uneven_blur import CORNER, FOURTH, LEANING, NEARER, UNEVEN
 from analysis.gap.uneven_optics import Slopes, UnevenBlur, variances
 from interchange.camera import Camera
 from interchange.captures import Tolerances
@@ -45,10 +45,21 @@ def test_a_lens_of_a_curved_field_is_told_by_its_corner(condition: Condition) ->
     """σ = 0.1 px on the axis, 0.3 px in the corner, as discs of the optics draw it, which are no Gaussians: within a
     quarter, and what leans is a tenth of it at most."""
     found = fitted(blurs(condition), condition, FieldBlur(0.4, 0.8, 0.8))
-    assert list(found) == ["blur", CORNER, *LEANING]  # all of it lies at one depth
-    assert found[CORNER] == pytest.approx(0.3**2 - 0.1**2, rel=0.25)
+    assert list(found) == ["blur", CORNER, FOURTH, *LEANING]  # all of it lies at one depth
+    assert found[CORNER] + found[FOURTH] == pytest.approx(0.3**2 - 0.1**2, rel=0.25)
     assert found["blur"] == pytest.approx(0.1**2, abs=0.01)
     assert np.abs([found[n] for n in LEANING]).max() < 0.1 * found[CORNER]
+
+
+def test_discs_that_grow_by_the_square_have_a_variance_that_grows_by_the_fourth(condition: Condition) -> None:
+    """0.3 px in the corner and nothing on the axis: of a variance that grew by the square alone, that on the axis would
+    be less than nothing. Within a quarter, as discs are no Gaussians."""
+    terms, lens = blurs(condition), FieldBlur(0.0, 1.2, 1.2)
+    found = fitted(terms, condition, lens)
+    assert found[FOURTH] == pytest.approx(0.3**2, rel=0.25)
+    assert np.abs([found["blur"], found[CORNER]]).max() < 0.1 * found[FOURTH]
+    by_square = fitted([t for t in terms if t.parameter != FOURTH], condition, lens)
+    assert by_square["blur"] < -0.01 < -abs(found["blur"])
 
 
 def test_a_blur_that_is_alike_everywhere_is_no_uneven_one(condition: Condition) -> None:
