@@ -32,7 +32,10 @@ class Worker:
         self.log = self.folder / "blender.log"
         self.sender = protocol.Sender()
         self.receiver = protocol.Receiver()
-        path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # an empty one would be the folder it is in
+        path = [
+            str(ROOT),
+            *filter(None, [os.environ.get("PYTHONPATH")]),
+        ]  # an empty one would be the folder it is in
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(

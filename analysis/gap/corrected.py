@@ -135,9 +135,9 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
         return camera
     effect = replace(own, **model.within(given))  # type: ignore[type-var]
     if isinstance(effect, Defocus) and start is not None and CORNER in change.values:
-        more = [change.values[n] - start[n] if n in change.values else 0.0 for n in (CORNER, FOURTH)]
-        if abs(sum(more)) > ALIKE * effect.blur**2:
-            return _curved(effect.on(camera), *more)
+        grown, steeply = (change.values.get(n, 0.0) - start.get(n, 0.0) for n in (CORNER, FOURTH))
+        if abs(grown + steeply) > ALIKE * effect.blur**2:
+            return _curved(effect.on(camera), grown, steeply)
     if start is not None and DARK in change.values:
         s = camera.sensor
         more = change.values[DARK] - start[DARK]
@@ -155,7 +155,8 @@ def _with_effect(camera: Camera, model: type[Effect], change: Change) -> Camera:
 
 def _curved(camera: Camera, more: float, steeply: float) -> Camera:
     """With its blur, and ``more`` px² of variance in the corner, and those that grow ``steeply``, by the fourth power,
-    as discs that grow with the field: least squares of their rms over a round image. A scene file says no blur that leans or that no thin lens gives to depths."""
+    as discs that grow with the field: least squares of their rms over a round image. A scene file says no blur that
+    leans or that no thin lens gives to depths."""
     if any(camera.lens.field_blur):
         raise BrightfieldError("The lens has a blur over the field already, of which this would be a part.")
     square = (np.arange(ENTRIES) + 0.5) / ENTRIES  # of how far out, each as much of the image

@@ -3,9 +3,10 @@
     σ² = σ0² + a r² + f r⁴ + b x + c y + d w + e w²     x, y: of half the image's diagonal from the axis; r² = x² + y²
                                                  w = z0 / z - 1, z along the axis, z0 that of what has edges
 
-A lens's field curves (a, and f, as discs that grow by the square have a variance that grows by the fourth), its sensor leans (b, c), and a thin lens draws what is nearer than what it is focused on as
-discs whose variance is a square of 1 / z (d, e; interchange.effects.defocus). By the heat equation each is its
-share of ½ (S_xx + S_yy), whatever blur there is already.
+A lens's field curves (a; and f, as discs that grow by the square of how far out they are have a variance that grows by
+the fourth power), its sensor leans (b, c), and a thin lens draws what is nearer than what it is focused on as discs
+whose variance is a square of 1 / z (d, e; interchange.effects.defocus). By the heat equation each is its share of
+½ (S_xx + S_yy), whatever blur there is already.
 """
 
 from collections.abc import Mapping
@@ -20,7 +21,12 @@ from analysis.gap.uneven_optics import axis_of, from_axis
 CORNER, FOURTH = "variance more in the corner", "variance more in the corner, steeply"  # a, f, px²
 LEANING = ("variance more to the right", "variance more downwards")  # b, c
 NEARER = ("variance more where nearer", "variance more off the focus")  # d, e
-DRAWN = {CORNER: "corner", FOURTH: "fourth", LEANING[0]: "right", LEANING[1]: "down"}  # as parameters of UnevenBlur
+DRAWN = {
+    CORNER: "corner",
+    FOURTH: "fourth",
+    LEANING[0]: "right",
+    LEANING[1]: "down",
+}  # as parameters of UnevenBlur
 UNEVEN = (CORNER, FOURTH, *LEANING, *NEARER)
 PART = 0.5  # of the blur itself: of what varies over the image there is less than of what does not
 FOCUS = 0.1  # w of a focus that misses what is seen, typically; depths that differ less hardly differ in blur
