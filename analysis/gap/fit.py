@@ -146,8 +146,10 @@ def fit(
     if search.widths.factors.get("registration_px", 1.0) > 1:
         first = search.scaled(search.stand(search.registered(), {}, "evidence", first.kept))
     first = search.averaged(first)
-    stands = _followed(search, first, redraw is not None) if first.best.causes or _hides(search) else []
-    chosen = max([*stands, first] if _hides(search) else stands or [first], key=lambda s: s.best.score)
+    chosen = behind_registration(search, first)
+    if chosen is None:
+        stands = _followed(search, first, redraw is not None) if first.best.causes else []
+        chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
     far, kept = search.far(chosen), first.kept
@@ -192,9 +194,26 @@ def _rescaled(search: Search, kept: dict[str, Sensitivities], chosen: Stand) -> 
     return search.averaged(search.stand(search.registered(), {}, "evidence", kept))
 
 
-def _hides(search: Search) -> bool:
-    """Whether cameras look further off than declared, which may be something that moved."""
-    return search.widths.factors.get("registration_px", 1.0) >= HIDES
+def behind_registration(search: Search, first: Stand) -> Stand | None:
+    """Something that moved where the cameras look further off than declared instead, if it explains clearly more."""
+    if search.widths.factors.get("registration_px", 1.0) < HIDES:
+        return None
+    for move in search.moves(first):
+        stand = search.followed(first, move, "what moved", [], 1)
+        stand = search.gone_on(stand, "what moved")
+        if (
+            stand.is_its_own
+            and set(move.hypothesis.causes) <= set(stand.best.causes)
+            and _clear(first, stand)
+        ):
+            return stand
+    return None
+
+
+def _clear(first: Stand, stand: Stand) -> bool:
+    """Whether a stand gains clearly more over none than was hoped for at the first."""
+    none = next(h for h in first.hypotheses if not h.causes)
+    return stand.best.score - none.score > max(CLEAR * _gain(first), WORTH)
 
 
 def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
@@ -202,21 +221,16 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     none = next(h for h in first.hypotheses if not h.causes)
     hoped = _gain(first)
 
-    def clear(stand: Stand) -> bool:
-        return stand.best.score - none.score > max(CLEAR * hoped, WORTH)
-
-    hides = _hides(search)
-    nearly = None if hides else search.alone(first)
-    if nearly is not None and nearly.hypothesis.score - none.score > NEARLY * hoped > 0:
-        stand = search.followed(first, nearly, "fit 1")
-        if stand.best.causes == nearly.hypothesis.causes and _gain(stand) > KEPT * hoped:
+    alone = search.alone(first)
+    if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
+        stand = search.followed(first, alone, "fit 1")
+        if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
             return [stand]
-    may_move = hides or (hoped > WORTH and search.may_move(first.best))
-    moves = search.moves(first) if may_move else []
-    starts = [*moves, *(search.starts(first) if first.best.causes else [])]
+    moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
+    starts = [*moves, *search.starts(first)]
     stands: list[Stand] = []
     astray: list[Stand] = []
-    for k, start in enumerate(starts[: STARTS - len(moves) // 2 if moves or hoped > WORTH else 1]):
+    for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
         causes, what = start.hypothesis.causes, f"fit {k + 1}"
         if any(set(causes) == set(s.best.causes) for s in stands):
             continue  # another start came here
@@ -228,12 +242,11 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             if both is not None:
                 two = search.followed(first, both, f"{what}, two things", stands, 1)
                 stand = two if two.is_its_own and two.best.score > stand.best.score else stand
-            if clear(stand) and may_redraw and search.far(stand):
+            if _clear(first, stand) and may_redraw and search.far(stand):
                 return [*stands, stand]  # the renderer goes on from there
             stand = search.gone_on(stand, what, stands)
-            single = len(stand.best.causes) == 1 and clear(stand)
-            alone = stand.is_its_own and (stand.best.causes == causes or single)
-            if alone and (clear(stand) or not hides):
+            single = len(stand.best.causes) == 1 and _clear(first, stand)
+            if stand.is_its_own and (stand.best.causes == causes or single):
                 return [*stands, stand]
         if not stand.is_its_own:
             astray.append(stand)

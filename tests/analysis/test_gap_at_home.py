@@ -1,14 +1,15 @@
 """What is followed because it gains a little is not surer for having been followed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.fit import no_surer_than_at_home
+from analysis.gap.fit import behind_registration, no_surer_than_at_home
 from analysis.gap.normal_equations import NormalEquations
-from analysis.gap.stand import Stand
+from analysis.gap.stand import Stand, Start
 from analysis.gap.terms import Term
 
 POSE, OTHER = ("object_pose", "/box"), ("exposure", "")
@@ -53,3 +54,28 @@ def test_a_cause_that_home_did_not_list_is_weighed_there() -> None:
     found = no_surer_than_at_home(bare, _stand(3.0))
     score = {h.causes: h.score for h in found.hypotheses}
     assert score[POSE,] == pytest.approx(score[()])
+
+
+@pytest.mark.parametrize(
+    ("registration", "gain", "own", "found"),
+    [
+        (4.5, 100.0, True, True),
+        (1.5, 100.0, True, False),  # cameras are as far off as tolerances are guessed to be
+        (4.5, 8.0, True, False),  # no more than what was hoped for without a move, three times
+        (4.5, 100.0, False, False),  # has gone elsewhere
+    ],
+)
+def test_what_moved_is_looked_for_where_cameras_look_further_off_than_declared(
+    registration: float, gain: float, own: bool, found: bool
+) -> None:
+    """An opened blind case, 18f3818d: a workpiece that lay 0.4 mm too high was an error of registration, 4.5 times as
+    large as declared, with a slight blur beside it."""
+    first = _stand(3.0)
+    there = SimpleNamespace(best=_stand(gain).best, is_its_own=own)
+    search = SimpleNamespace(
+        widths=SimpleNamespace(factors={"registration_px": registration}),
+        moves=lambda stand: [Start(there.best, np.zeros(2))],
+        followed=lambda *a: there,
+        gone_on=lambda stand, what: stand,
+    )
+    assert behind_registration(search, first) is (there if found else None)
