@@ -83,9 +83,11 @@ class Condition:
 
     @own_property
     def above_zero(self) -> np.ndarray:
-        """(H, W) bool: so far above DN 0 that no noise is cut off there."""
-        noise = np.sqrt(self.simulated().temporal)
-        return np.asarray((self.mean > CUT * noise).all(axis=2))
+        """(H, W) bool: so far above DN 0, captured and simulated, that no noise is cut off there. Of dark captures hot
+        pixels alone are captured so."""
+        simulated = self.simulated()
+        dn = np.minimum(self.mean, simulated.dn)
+        return np.asarray((dn > CUT * np.sqrt(simulated.temporal)).all(axis=2))
 
     def usable(self, simulation: Expected) -> np.ndarray:
         """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""

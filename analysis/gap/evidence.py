@@ -217,7 +217,7 @@ class Evidence:
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
         least = self.low[bounded] - REACH * np.maximum(self.spike[bounded], sigma)
         if (theta[:n] < least).any():
-            log_Z -= _raised(theta, covariance, least)
+            log_Z -= _raised(theta, covariance, self.low[bounded], least)
         last = n + 3 * len(along)
         for k in range(n, last, 3):
             if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
@@ -384,20 +384,20 @@ class Evidence:
         return sorted(found.values(), key=lambda h: -h.score)
 
 
-def _raised(theta: np.ndarray, covariance: np.ndarray, least: np.ndarray) -> float:
-    """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for its first terms to be ``least``
-    (n,) at least, one after the other, the farthest first; it is changed."""
-    n, cost = len(least), 0.0
+def _raised(theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray) -> float:
+    """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for those of its first terms (n,)
+    that are below ``least`` to stand at ``low``, one after the other, the farthest first; it is changed."""
+    n, cost = len(low), 0.0
     free = np.ones(n, bool)
     while True:
-        below = np.where(free, least - theta[:n], 0.0)
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 1e-30))
-        k = int(np.argmax(below / sigma))
-        if below[k] <= 0:
+        off = np.where(free & (theta[:n] < least), (low - theta[:n]) / sigma, 0.0)
+        k = int(np.argmax(off))
+        if off[k] <= 0:
             return cost
         along = covariance[:, k] / sigma[k]
-        cost += 0.5 * (below[k] / sigma[k]) ** 2
-        theta += along * below[k] / sigma[k]
+        cost += 0.5 * off[k] ** 2
+        theta += along * off[k]
         covariance -= np.outer(along, along)
         free[k] = False
 

@@ -20,6 +20,7 @@ from analysis.gap.state import State
 
 NOISE = "noise"
 LEVELS = 5
+LEAST = 800  # values whose repeats tell how large noise is: to a share of √(2 / n), 5 %
 
 
 @dataclass(frozen=True)
@@ -43,15 +44,17 @@ class Ledger:
 
 
 def temporal_scale(conditions: Sequence[Condition]) -> float | None:
-    """Measured temporal variance over the sensor model's, from repeats; None without any."""
-    measured, modelled = 0.0, 0.0
+    """Measured temporal variance over the sensor model's, from repeats; None without any, and of fewer than ``LEAST``
+    values, which know it to worse than 5 %."""
+    measured, modelled, count = 0.0, 0.0, 0
     for c in conditions:
         if c.spread is not None:
             ok = c.usable(c.simulated()) & c.above_zero
             dof = len(c.captures) - 1
+            count += dof * c.spread[ok].size
             measured += dof * float(c.spread[ok].sum())
             modelled += dof * float(noise_variance(c.mean[ok], c.camera)[0].sum())
-    return measured / modelled if modelled > 0 else None
+    return measured / modelled if modelled > 0 and count >= LEAST else None
 
 
 def ledger(

@@ -107,7 +107,10 @@ def _wider(fitted: Fit) -> list[str]:
 def _of_captures(found: Sequence[Condition], where: Ledger) -> list[str]:
     notes = []
     if not where.measured:
-        notes.append("No captures are repeats: the noise floor is the sensor model's, not measured.")
+        notes.append(
+            "No captures are repeats that show light away from saturation: the noise floor is the sensor model's, not "
+            "measured."
+        )
     notes += notes_on_files(found)
     notes += [
         f"The captures of {name} lie {px:.1f} px off their simulation as a whole, which is more than registration "

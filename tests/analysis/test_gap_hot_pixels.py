@@ -7,6 +7,7 @@ import pytest
 
 from analysis.gap.conditions import Condition
 from analysis.gap.hot_pixels import HotPixels, hot_pixels, numbers, places
+from analysis.gap.ledger import temporal_scale
 from analysis.gap.noise import noise_findings, with_noise
 from analysis.gap.pixel_map import pixel_maps
 from analysis.gap.radiance import Rendered
@@ -145,3 +146,17 @@ def test_a_sentence_says_which_pixels_are_hot() -> None:
     assert told.startswith("Of Top 23 pixels are hot")
     assert "neighbours': (27, 2) 122, (26, 2) 121, " in told
     assert told.endswith("(8, 2) 103 and 3 more.")
+
+
+def test_hot_pixels_of_dark_frames_do_not_tell_the_noise() -> None:
+    """Of one channel, without a black level, they are all that is above DN 0 there; where there is light noise is the
+    sheet's, to five times what 19200 values know."""
+    sheet = replace(SHEET, black_level=0)
+    dark, _ = _rig(0, Model(2e-3, 300.0), sheet=sheet, shots=((0.0, 0.2), (0.0, 1.0)))
+    light, _ = _rig(0, Model(2e-3, 300.0), sheet=sheet, shots=((1.0, 0.2),))
+    dark, light = (
+        [replace(c, mean=c.mean[..., :1], spread=c.spread[..., :1]) for c in some] for some in (dark, light)
+    )
+    assert max(c.mean.max() for c in dark) > 100
+    assert temporal_scale(dark) is None
+    assert temporal_scale([*dark, *light]) == pytest.approx(1, abs=5 * np.sqrt(2 / (H * W)))
