@@ -147,7 +147,9 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
         line(f"outside the catalogue, {100 * s:g} %: flagged unknown", some, lambda x, a: a.unknown)
         line(f"outside the catalogue, {100 * s:g} %: and no effect called", some, lambda x, a: right(x, a))
     stress = by.get("stress", [])
-    line("undeclared errors: false alarm", [x for x in stress if not x["effects"]], lambda x, a: alarmed(a))
+    still = [x for x in stress if not x["effects"]]
+    line("undeclared errors: false alarm, any effect or unknown", still, lambda x, a: alarmed(a))
+    line("undeclared errors: false alarm, an effect with p > 0.5", still, lambda x, a: a.failed or bool(a.named))
     line("undeclared errors: exact", [x for x in stress if x["effects"]], lambda x, a: right(x, a))
     line("noise alone, exact", by.get("noise", []), lambda x, a: right(x, a, True))
     line("confident (p > 0.9) and wrong, all cases", labels, lambda x, a: bool(confidently_wrong(x, a)))
