@@ -11,7 +11,8 @@ more. A speck on a surface is none (p), nor a highlight of one lamp (the line le
 nothing tells I from p.
 
 Dark currents of hot pixels are exponential (Widenhorn et al. 2002), so that those beyond a limit exceed it by their
-mean, and exp(-limit / mean) of them are beyond it.
+mean, and exp(-limit / mean) of them are beyond it. Where that is less than half of them it is extrapolation, and they
+are told as those that are seen, and no more.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,6 +37,8 @@ GAIN, OFFSET = (
 )  # priors of p (1) and d (e-): none, as a gain does what I does where light is the same, and little
 # what a picture shows of one pixel besides: what its surface has that no p tells, over the signal, and edges, px
 TEXTURE, SHIFT = 0.02, 0.1
+HALF = 0.455  # of a squared standard normal number, its median
+SEEN = 0.5  # of those that there are, that must be beyond the limit to tell of the others
 MOST = 0.01  # of all pixels: what more have is something else
 FEWEST = 4  # conditions that see a pixel, one more than numbers that are told
 LISTED = 20  # pixels
@@ -46,8 +49,8 @@ AROUND = 3  # px, of the median
 @dataclass(frozen=True, eq=False)
 class HotPixels:
     """Of one camera: ``current`` (H, W, C) e-/s beyond the neighbours', 0 where a pixel is not hot, ``limit`` what the
-    ``count`` of those that are could be told from; ``mean`` e-/s and ``share`` of all pixels: of the exponential tail
-    that they are of."""
+    ``count`` of those that are could be told from; ``mean`` e-/s and ``share`` of all pixels: of the exponential
+    distribution that they are the tail of."""
 
     current: np.ndarray
     limit: np.ndarray
@@ -63,11 +66,19 @@ class HotPixels:
 
     @property
     def mean(self) -> float:
-        return float((self.current[self.current > 0] - self.limit).mean())
+        own = self.current[self.current > 0]
+        return float(own.mean() - (self.limit.mean() if self._beyond >= SEEN else 0.0))
 
     @property
     def share(self) -> float:
-        return float(self.count / np.exp(-self.limit / self.mean).mean() / self.current.size)
+        beyond = self._beyond
+        return float(self.count / (beyond if beyond >= SEEN else 1.0) / self.current.size)
+
+    @property
+    def _beyond(self) -> float:
+        """Which part of an exponential distribution is beyond the limit."""
+        mean = float((self.current[self.current > 0] - self.limit).mean())
+        return float(np.exp(-self.limit / mean).mean())
 
     @property
     def probability(self) -> float:
@@ -150,12 +161,15 @@ def _residual(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndar
     around = np.stack(
         [cv2.medianBlur(np.ascontiguousarray(r[..., k]), AROUND) for k in range(r.shape[2])], axis=2
     )
+    off = r - around
     variance = noise_variance(simulation, c.camera)[0] / len(c.captures) + c.step**2 / 12
     s = (simulation - c.camera.sensor.black_level).astype(np.float32)
     down, along = np.gradient(s, axis=(0, 1))
     variance = variance + (TEXTURE * s) ** 2 + SHIFT**2 * (down**2 + along**2)
-    usable = c.usable(c.simulated())[..., None]
-    return r - around, np.where(usable, variance, np.inf).astype(np.float32), s
+    usable = c.usable(c.simulated())[..., None] & np.ones(off.shape, bool)
+    if usable.any():  # no data sheet is believed that most pixels do not keep to
+        variance = variance * max(float(np.median(off[usable] ** 2 / variance[usable])) / HALF, 1.0)
+    return off, np.where(usable, variance, np.inf).astype(np.float32), s
 
 
 def _currents(

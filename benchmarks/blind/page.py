@@ -149,7 +149,11 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
     stress = by.get("stress", [])
     still = [x for x in stress if not x["effects"]]
     line("undeclared errors: false alarm, any effect or unknown", still, lambda x, a: alarmed(a))
-    line("undeclared errors: false alarm, an effect with p > 0.5", still, lambda x, a: a.failed or bool(a.named))
+    line(
+        "undeclared errors: false alarm, an effect with p > 0.5",
+        still,
+        lambda x, a: a.failed or bool(a.named),
+    )
     line("undeclared errors: exact", [x for x in stress if x["effects"]], lambda x, a: right(x, a))
     line("noise alone, exact", by.get("noise", []), lambda x, a: right(x, a, True))
     line("confident (p > 0.9) and wrong, all cases", labels, lambda x, a: bool(confidently_wrong(x, a)))

@@ -139,6 +139,25 @@ def test_numbers_add_up_over_cameras() -> None:
     assert told["hot_share"].sigma == pytest.approx(told["hot_share"].value / np.sqrt(8))
 
 
+def test_a_tail_that_begins_far_out_is_told_as_it_is_seen() -> None:
+    """9 of 100 pixels, 100 e-/s beyond a limit of 1000: e^10 times as many below it would be 200000 %."""
+    plane = np.zeros((10, 10, 1), np.float32)
+    plane[0, :9, 0] = 1100.0
+    far = HotPixels(plane, np.full(9, 1000.0))
+    assert far.share == pytest.approx(0.09)
+    assert far.mean == pytest.approx(1100)
+
+
+def test_noise_that_the_sheet_does_not_have_is_no_hot_pixel() -> None:
+    """An ideal sensor's sheet beside captures of 10 e- read noise: the EMVA reference's had 9 of 19200."""
+    shots = tuple((power, t) for power in (0.0, 0.3) for t in (0.1, 0.2, 0.4, 0.6, 0.8, 1.0))
+    for seed in range(4):
+        conditions, _ = _rig(seed, sheet=replace(SHEET, read_noise=10), shots=shots)
+        ideal = replace(SHEET, read_noise=0, prnu=0, dsnu=0, serial_number=str(seed))
+        conditions = [replace(c, camera=replace(c.camera, sensor=ideal)) for c in conditions]
+        assert hot_pixels(conditions, [c.simulated().dn for c in conditions]) == {}
+
+
 def test_a_sentence_says_which_pixels_are_hot() -> None:
     plane = np.zeros((10, 30, 1), np.float32)
     plane[2, 5:28, 0] = np.arange(100, 123)
