@@ -42,6 +42,7 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
+ALIKE = 1e-5  # of a standard deviation: what is left of it where others say all of it, and rounding
 REACH = 2.0  # spikes, or standard deviations, that a term may be below what it may be
 FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
@@ -217,7 +218,7 @@ class Evidence:
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
         least = self.low[bounded] - REACH * np.maximum(self.spike[bounded], sigma)
         if (theta[:n] < least).any():
-            log_Z -= _raised(theta, covariance, self.low[bounded], least)
+            log_Z -= raised(theta, covariance, self.low[bounded], least)
         last = n + 3 * len(along)
         for k in range(n, last, 3):
             if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
@@ -384,17 +385,23 @@ class Evidence:
         return sorted(found.values(), key=lambda h: -h.score)
 
 
-def _raised(theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray) -> float:
+def raised(theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray) -> float:
     """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for those of its first terms (n,)
     that are below ``least`` to stand at ``low``, one after the other, the farthest first; it is changed."""
     n, cost = len(low), 0.0
     free = np.ones(n, bool)
+    rounded = ALIKE * np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
     while True:
-        sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 1e-30))
-        off = np.where(free & (theta[:n] < least), (low - theta[:n]) / sigma, 0.0)
-        k = int(np.argmax(off))
-        if off[k] <= 0:
+        sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
+        below = free & (theta[:n] < least)
+        if not below.any():
             return cost
+        if (
+            sigma[below] <= rounded[below]
+        ).any():  # it can stand nowhere else, as others stand at their least
+            return np.inf
+        off = np.where(below, (low - theta[:n]) / np.maximum(sigma, 1e-300), 0.0)
+        k = int(np.argmax(off))
         along = covariance[:, k] / sigma[k]
         cost += 0.5 * off[k] ** 2
         theta += along * off[k]

@@ -79,8 +79,9 @@ def each(
                 errand = asked.get()
                 if errand is not None:
                     errand[1].set_exception(CancelledError())
-    failed = next((f for f in futures if not f.cancelled() and f.exception() is not None), None)
-    return [f.result() for f in futures] if failed is None else [failed.result()]
+    failed = [f for f in futures if not f.cancelled() and f.exception() is not None]
+    failed.sort(key=lambda f: isinstance(f.exception(), CancelledError))  # which what failed made of others
+    return [f.result() for f in futures] if not failed else [failed[0].result()]
 
 
 def in_turns(keys: Sequence[Hashable], n: int) -> list[int]:

@@ -19,6 +19,7 @@ from interchange.effects import Effect
 from interchange.effects.defocus import Defocus
 from interchange.effects.lateral_chromatic_aberration import LateralChromaticAberration
 from interchange.effects.motion_blur import MotionBlur
+from interchange.parameter import parameters
 
 PRODUCT = "u v"  # px²
 KEPT = 32  # derivatives, eight of them a camera
@@ -107,11 +108,12 @@ def _shifted_by(s: State, parameter: str) -> np.ndarray:
     key = (now, parameter, size, s.stride, s.camera.K.tobytes())
     with _keeping:
         if key not in _shifts:
-            ends = [
-                replace(now, **{parameter: getattr(now, parameter) + x}).shifts(s.camera)
-                for x in (SMALL, -SMALL)
-            ]
-            _shifts[key] = s.take((ends[0] - ends[1]) / np.float32(2 * SMALL))
+            limits, here = parameters(type(now))[parameter], float(getattr(now, parameter))
+            values = [
+                min(max(here + x, limits.low), limits.high) for x in (SMALL, -SMALL)
+            ]  # one-sided at its end
+            ends = [replace(now, **{parameter: x}).shifts(s.camera) for x in values]
+            _shifts[key] = s.take((ends[0] - ends[1]) / np.float32(values[0] - values[1]))
             while len(_shifts) > KEPT:
                 _shifts.popitem(last=False)
         return _shifts[key]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.evidence import REACH, Evidence
+from analysis.gap.evidence import REACH, Evidence, raised
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 
@@ -73,3 +73,13 @@ def test_an_evidence_goes_when_it_is_no_longer_held(equations: NormalEquations) 
         assert gone() is None
     finally:
         gc.enable()
+
+
+def test_terms_of_which_one_falls_as_the_other_rises_cannot_both_be_raised() -> None:
+    theta, covariance = np.array([-1.0, -1.0]), np.array([[0.01, -0.01], [-0.01, 0.01]])
+    assert raised(theta, covariance, np.zeros(2), np.zeros(2)) == np.inf
+
+
+def test_terms_that_are_one_stand_together() -> None:
+    theta, covariance = np.array([-1.0, -1.0]), np.full((2, 2), 0.01)
+    assert raised(theta, covariance, np.zeros(2), np.full(2, -0.01)) == pytest.approx(0.5 * (1 / 0.1) ** 2)

@@ -120,6 +120,18 @@ def test_what_acts_within_a_pixel_is_told_by_derivatives_there() -> None:
         assert a @ b / (b @ b) == pytest.approx(1.0, abs=within), key
 
 
+def test_a_derivative_at_the_end_of_what_may_be_is_taken_from_within() -> None:
+    """Where a search may come to: one of an opened case ended there with an error."""
+    condition = seen_by_a_sensor(shown(12.4))
+    terms = {t.parameter: t for t in chain_terms(State(condition), Tolerances())}
+    told = [
+        np.asarray(terms["red"].field(State(condition, [LateralChromaticAberration(red=red)])))
+        for red in (-0.05, -0.0499)
+    ]
+    assert np.abs(told[0]).max() > 1
+    assert told[0] == pytest.approx(told[1], abs=0.05 * np.abs(told[0]).max())
+
+
 def test_motions_add_up() -> None:
     """Two that are drawn together, beside what does not move, against each by itself."""
     state = State(seen_by_a_sensor(shown(12.4)))

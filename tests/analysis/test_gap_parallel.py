@@ -70,6 +70,23 @@ def test_an_error_is_raised_and_nobody_is_left_waiting(cores: int, work: Callabl
     assert threading.active_count() == before
 
 
+def test_the_error_that_is_raised_is_the_one_that_stopped_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not that an errand of work before it was refused for it."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
+    failed = threading.Event()
+
+    def work(k: int) -> int:
+        if k == 1:
+            failed.set()
+            raise ValueError("the first")
+        assert failed.wait(10)
+        time.sleep(0.1)  # until it is known
+        return by_asker(lambda: k)
+
+    with pytest.raises(ValueError, match="the first"):
+        each(work, range(2))
+
+
 def test_an_errand_may_be_refused_by_the_thread_that_raised(cores: int) -> None:
     def caught(k: int) -> int:
         try:
