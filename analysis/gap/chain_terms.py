@@ -116,7 +116,8 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                 )
         found = [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
         blur = [t for t in found if (t.cause, t.parameter) == ("defocus", "blur")]
-        terms += [*found, *(more for t in blur for more in uneven(t, state))]
+        more = [x for t in blur for x in uneven(t, state)]  # which may be all of a blur
+        terms += [*(replace(t, held=bool(more)) if t in blur else t for t in found), *more]
     return terms
 
 
@@ -332,5 +333,5 @@ def effects_at(terms: Sequence[Term], theta: dict[tuple[str, str, str], float], 
         given = signed({**given, PRODUCT: values.get(PRODUCT, 0.0)})
         made.append(replace(own, **given))  # type: ignore[type-var]
         slopes = {DRAWN[n]: x for n, x in values.items() if n in DRAWN}
-        made += [UnevenBlur(**slopes)] if slopes else []
+        made += [UnevenBlur(**UnevenBlur.within(slopes))] if slopes else []
     return made

@@ -9,9 +9,9 @@ and p(M) ∝ prior(M) Z_M^(1/τ). All are told from one inverse: with C = A⁻¹
 
     A_M = A + U Δ U',  Δ = slab⁻² - spike⁻²,  A_M⁻¹ = C - C U (Δ⁻¹ + U'CU)⁻¹ U'C
 
-A term of a cause that would be below what it may be, by more than errors reach, stands there: that costs half the
-square of how many standard deviations it is moved by. A hypothesis whose path is as wide as it is long, or whose
-fall-off rises, does not count.
+A hypothesis whose term is below what it may be, by more than errors reach, does not count, nor one whose path is as
+wide as it is long, or whose fall-off rises. A term that is ``held`` stands at its least instead, as others of its
+cause have the rest: that costs half the square of how many standard deviations it is moved by.
 
 George, McCulloch: Variable selection via Gibbs sampling. JASA 1993.
 MacKay: Bayesian interpolation. Neural Computation 1992.
@@ -85,6 +85,7 @@ class Evidence:
         sized = self._sized()
         share = self.share[sized]
         self.low = np.array([t.low for t in terms])
+        self.held = np.array([t.held for t in terms])
         self.relative = np.array([t.relative for t in terms])
         self.part = np.array([t.part for t in terms])
         self.members: dict[Cause, np.ndarray] = {}
@@ -218,7 +219,7 @@ class Evidence:
         sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
         least = self.low[bounded] - REACH * np.maximum(self.spike[bounded], sigma)
         if (theta[:n] < least).any():
-            log_Z -= raised(theta, covariance, self.low[bounded], least)
+            log_Z -= raised(theta, covariance, self.low[bounded], least, self.held[bounded])
         last = n + 3 * len(along)
         for k in range(n, last, 3):
             if not is_path(theta[k : k + 3], covariance[k : k + 3, k : k + 3]):
@@ -385,9 +386,12 @@ class Evidence:
         return sorted(found.values(), key=lambda h: -h.score)
 
 
-def raised(theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray) -> float:
+def raised(
+    theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray, held: np.ndarray
+) -> float:
     """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for those of its first terms (n,)
-    that are below ``least`` to stand at ``low``, one after the other, the farthest first; it is changed."""
+    that are below ``least`` to stand at ``low``, one after the other, the farthest first; it is changed. Infinite where
+    one of them is not ``held``."""
     n, cost = len(low), 0.0
     free = np.ones(n, bool)
     rounded = ALIKE * np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
@@ -396,9 +400,8 @@ def raised(theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np
         below = free & (theta[:n] < least)
         if not below.any():
             return cost
-        if (
-            sigma[below] <= rounded[below]
-        ).any():  # it can stand nowhere else, as others stand at their least
+        nowhere = ~held | (sigma <= rounded)  # others, at their least, leave it no room
+        if (below & nowhere).any():
             return np.inf
         off = np.where(below, (low - theta[:n]) / np.maximum(sigma, 1e-300), 0.0)
         k = int(np.argmax(off))

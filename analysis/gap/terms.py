@@ -41,7 +41,8 @@ class Term:
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
     it gives to the images that show it, over their signal. ``power``: the parameter is the term to the power
     1 / ``power``. ``part``: rms over the signal that it has of its cause, over that of the cause's first number, where
-    the cause is there. ``low``: the least value the term may have. ``kind``: "chain" (an effect in
+    the cause is there. ``low``: the least value the term may have, where it
+    stands, if ``held``, rather than not at all. ``kind``: "chain" (an effect in
     ``interchange.effects``), "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as
     linear), "reflected" (light that the renderer does not draw), "linear", or "cell" (number ``cell`` of ``family``,
     which has no ``field``).
@@ -56,6 +57,7 @@ class Term:
     relative: bool = False
     power: int = 1
     low: float = -np.inf
+    held: bool = False
     kind: str = "linear"
     generic: bool = False
     start: float = 0.0  # the parameter's value where the term is 0

@@ -52,10 +52,10 @@ class UnevenBlur(Effect):
     )
     achromatic = True
 
-    corner: float = parameter(0.0, "a", "px²", -1e4, 1e4, "variance more in the corner")
-    fourth: float = parameter(0.0, "f", "px²", -1e4, 1e4, "variance more in the corner, by the fourth power")
-    right: float = parameter(0.0, "b", "px²", -1e4, 1e4, "variance more half a diagonal to the right")
-    down: float = parameter(0.0, "c", "px²", -1e4, 1e4, "variance more half a diagonal down")
+    corner: float = parameter(0.0, "a", "px²", -100, 100, "variance more in the corner")
+    fourth: float = parameter(0.0, "f", "px²", -100, 100, "variance more in the corner, by the fourth power")
+    right: float = parameter(0.0, "b", "px²", -100, 100, "variance more half a diagonal to the right")
+    down: float = parameter(0.0, "c", "px²", -100, 100, "variance more half a diagonal down")
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         if not self.is_there:

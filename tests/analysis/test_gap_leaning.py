@@ -22,9 +22,9 @@ def equations() -> NormalEquations:
     return NormalEquations(X @ X.T, X @ r, float(r @ r), 6e4, np.full(len(NAMES), 6e4), 0.0, 400)
 
 
-def _terms(low: float) -> list[Term]:
+def _terms(low: float, held: bool = True) -> list[Term]:
     plain = Term("", "", "p", "1", 0.005, lambda s: None)
-    return [replace(plain, cause=n, low=low if n == "b" else -np.inf) for n in NAMES]
+    return [replace(plain, cause=n, low=low if n == "b" else -np.inf, held=held) for n in NAMES]
 
 
 @pytest.mark.parametrize("low", [-np.inf, 0.0, 0.1])  # 0.1: b is below what it may be, however it is told
@@ -40,6 +40,8 @@ def test_log_z_is_the_same_from_everywhere(equations: NormalEquations, low: floa
             assert told == pytest.approx(plain.log_Z(tuple(causes), slabs), abs=1e-8)
             free = Evidence(equations, _terms(-np.inf)).log_Z(tuple(causes), slabs)
             assert (told < free - 1) == (low == 0.1 and names[1] in causes)
+            bare = Evidence(equations, _terms(low, held=False)).log_Z(tuple(causes), slabs)
+            assert bare == (-np.inf if told < free - 1 else pytest.approx(told))
 
 
 def test_what_a_term_costs_that_would_be_below_what_it_may_be(equations: NormalEquations) -> None:
@@ -77,9 +79,11 @@ def test_an_evidence_goes_when_it_is_no_longer_held(equations: NormalEquations) 
 
 def test_terms_of_which_one_falls_as_the_other_rises_cannot_both_be_raised() -> None:
     theta, covariance = np.array([-1.0, -1.0]), np.array([[0.01, -0.01], [-0.01, 0.01]])
-    assert raised(theta, covariance, np.zeros(2), np.zeros(2)) == np.inf
+    assert raised(theta, covariance, np.zeros(2), np.zeros(2), np.ones(2, bool)) == np.inf
 
 
 def test_terms_that_are_one_stand_together() -> None:
     theta, covariance = np.array([-1.0, -1.0]), np.full((2, 2), 0.01)
-    assert raised(theta, covariance, np.zeros(2), np.full(2, -0.01)) == pytest.approx(0.5 * (1 / 0.1) ** 2)
+    assert raised(theta, covariance, np.zeros(2), np.full(2, -0.01), np.ones(2, bool)) == pytest.approx(
+        0.5 * (1 / 0.1) ** 2
+    )
