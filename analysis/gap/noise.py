@@ -118,8 +118,8 @@ def sensor_noise(
 ) -> NoiseFinding | None:
     """None without repeats, where noise does not grow with the light (denoised images), and where what there is of
     light and of codes does not tell it: photons tell no gain there.
-    ``offset`` (DN): what lifts the black level may be electrons, with a noise of their own, or none; either is that
-    offset's."""
+    ``offset`` (DN): what lifts the black level, or lowers it, may be electrons, with a noise of their own or with
+    theirs gone, or none; either is that offset's."""
     rows = [
         row
         for c, simulation in zip(conditions, simulations, strict=True)
@@ -147,7 +147,7 @@ def sensor_noise(
     turned = np.array([[1.0, 0.0], [-2 * theta[1] / theta[0] ** 3, 1 / theta[0] ** 2]])
     covariance = turned @ covariance @ turned.T  # of gain and σ_d²
     left = 2 * max(READ * sheet.read_noise, LEAST_READ) * max(sheet.read_noise, LEAST_READ)
-    spike = np.array([GAIN, float(np.hypot(left, max(offset, 0.0) / sheet.K))])
+    spike = np.array([GAIN, float(np.hypot(left, abs(offset) / sheet.K))])
     slab = np.hypot(spike, [WIDE, 3 * max(sheet.read_noise, 2.0) ** 2])
     above = max(square, 0.0)  # below is noise of the estimate
     p = probability(np.array([gain - 1, above - sheet.read_noise**2]), covariance, spike, slab)
