@@ -32,10 +32,8 @@ class Worker:
         self.log = self.folder / "blender.log"
         self.sender = protocol.Sender()
         self.receiver = protocol.Receiver()
-        path = [
-            str(ROOT),
-            *filter(None, [os.environ.get("PYTHONPATH")]),
-        ]  # an empty one would be the folder it is in
+        others = os.environ.get("PYTHONPATH")  # an empty one would be the folder that it is started in
+        path = [str(ROOT), others] if others else [str(ROOT)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(

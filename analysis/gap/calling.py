@@ -170,7 +170,7 @@ def _off(by: Yardstick, before: Images, after: Images, drift: float) -> tuple[fl
 
 def beside_left_over(fitted: Fit, noise: Sequence[NoiseFinding]) -> Fit:
     """The causes beside what is left without one: less probable by E / (E + E_left), as beside what has no name
-    (analysis.gap.fit.believed). Where the noise is not what the sensor's model says, what is left is that."""
+    (analysis.gap.belief.believed). Where the noise is not what the sensor's model says, what is left is that."""
     more, probable = fitted.left_over
     if any(n.probability >= PRESENT for n in noise):
         return replace(fitted, left_over=(more, 0.0))

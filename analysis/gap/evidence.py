@@ -26,6 +26,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from analysis.gap.bounded import raised
 from analysis.gap.fall_off import fall_offs, falls
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.prior import Prior
@@ -42,7 +43,6 @@ MOST = 5  # causes of a hypothesis
 MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
-ALIKE = 1e-5  # of a standard deviation: what is left of it where others say all of it, and rounding
 REACH = 2.0  # spikes, or standard deviations, that a term may be below what it may be
 FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
@@ -384,32 +384,6 @@ class Evidence:
             for fewer in combinations(current.causes, size):
                 tried(fewer)
         return sorted(found.values(), key=lambda h: -h.score)
-
-
-def raised(
-    theta: np.ndarray, covariance: np.ndarray, low: np.ndarray, least: np.ndarray, held: np.ndarray
-) -> float:
-    """Half the squared distance, in standard deviations, that ``theta`` (m,) goes for those of its first terms (n,)
-    that are below ``least`` to stand at ``low``, one after the other, the farthest first; it is changed. Infinite where
-    one of them is not ``held``."""
-    n, cost = len(low), 0.0
-    free = np.ones(n, bool)
-    rounded = ALIKE * np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
-    while True:
-        sigma = np.sqrt(np.maximum(np.diag(covariance)[:n], 0))
-        below = free & (theta[:n] < least)
-        if not below.any():
-            return cost
-        nowhere = ~held | (sigma <= rounded)  # others, at their least, leave it no room
-        if (below & nowhere).any():
-            return np.inf
-        off = np.where(below, (low - theta[:n]) / np.maximum(sigma, 1e-300), 0.0)
-        k = int(np.argmax(off))
-        along = covariance[:, k] / sigma[k]
-        cost += 0.5 * off[k] ** 2
-        theta += along * off[k]
-        covariance -= np.outer(along, along)
-        free[k] = False
 
 
 def _best(hypotheses: Iterable[Hypothesis | None]) -> Hypothesis | None:

@@ -147,7 +147,7 @@ def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Findin
 
 def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFinding:
     """A fixed pattern beside what has no name and is fixed to the image may be what that leaves at its pixels: less
-    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.fit.believed). Hot pixels are none
+    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.belief.believed). Hot pixels are none
     of it."""
     if noise.name != "fixed_pattern" or any(n.startswith(HOT) for n in noise.parameters):
         return noise

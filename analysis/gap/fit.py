@@ -3,13 +3,13 @@
 Starts compare by their whole log Z, each where it stands (analysis.gap.search).
 """
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
 
 from analysis.gap.aperture import without_apertures
+from analysis.gap.belief import believed, in_its_place, posterior
 from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.color_shading import color_shading
@@ -17,7 +17,6 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.evidence import TAU, Evidence, Hypothesis
 from analysis.gap.fall_off import without_rises
-from analysis.gap.form_terms import SHARE
 from analysis.gap.generic_terms import generic_terms
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.knot_terms import knot_terms
@@ -49,7 +48,6 @@ NEARLY = 0.9  # of what is hoped for: a single cause that gains so much is follo
 KEPT = (
     0.5  # of what is hoped for, that it must gain where it stands: else another that moves may be behind it
 )
-UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
 HIDES = 2.0  # times as far off as declared that cameras look, from which on something may have moved instead
 WORTH = 10.0  # gain of log Z over no cause at all, from which more than one start is tried
 
@@ -320,75 +318,6 @@ def _where_it_stands(search: Search, stand: Stand) -> Callable[[Hypothesis], Mod
         return kept[key]
 
     return model
-
-
-def posterior(hypotheses: Sequence[Hypothesis]) -> dict[Cause, float]:
-    """Probability of each cause: of all hypotheses that have it."""
-    score = np.array([h.score for h in hypotheses])
-    p = np.exp(score - score.max())
-    p /= p.sum()
-    out: dict[Cause, float] = {}
-    for h, share in zip(hypotheses, p, strict=True):
-        for cause in h.causes:
-            out[cause] = out.get(cause, 0.0) + float(share)
-    return out
-
-
-def in_its_place(
-    hypotheses: Sequence[Hypothesis], causes: Sequence[Cause], cause: Cause, named: Collection[Cause]
-) -> float:
-    """The probability that there is ``cause`` or, beside the other ``causes``, another ``named`` one in its place, over
-    that of ``cause``: captures that do not tell a white balance from the colour of the one material that they show
-    still tell that it is one of the two."""
-    rest = set(causes) - {cause}
-    own = others = 0.0
-    for h in hypotheses:
-        p, has = float(np.exp(h.score - hypotheses[0].score)), set(h.causes)
-        if cause in has:
-            own += p
-        elif rest < has and has - rest <= set(named):
-            others += p
-    return (own + others) / own if own else 1.0
-
-
-def believed(
-    probability: dict[Cause, float], causes: Sequence[Cause], evidence: Evidence, theta: np.ndarray
-) -> dict[Cause, float]:
-    """The probabilities of ``causes``, lower where experience says that the evidence is too sure:
-
-        p E / (E + E_unknown)                        of an effect beside something without a name, as it outweighs that
-        p E / (E + SHARE² E_named)                   of that beside effects, whose formulas may miss a share of what
-                                                     they change (analysis.gap.form_terms)
-        p min(1, 2 |Δ + Δ_o|² / max(|Δ|², |Δ_o|²))   where some of the others undo more than half of what it changes
-
-    Δ: what a cause changes, Δ_o: what others of the named ones do together (of all choices of them the worst), in the
-    metric of W; E = |Δ|². A weak effect may lean against a strong one: it undoes little of that. On cases whose cause
-    was known, an effect that was called beside a stronger unknown was right one time in eight, and effects that undid
-    each other never (docs/diagnosis_method.md).
-    """
-    if not causes:
-        return probability
-    generic = {c: evidence.terms[evidence.members[c][0]].generic for c in causes}
-
-    G = evidence.e.G
-
-    def energy(chosen: Iterable[Cause]) -> float:
-        index = np.concatenate([members[c] for c in chosen])
-        return max(float(theta[index] @ G[np.ix_(index, index)] @ theta[index]), 1e-30)
-
-    members = {c: evidence.members[c] for c in causes}
-    named = [c for c in causes if not generic[c]]
-    unknown = sum(energy([c]) for c in causes if generic[c])
-    out = dict(probability)
-    for c in named:
-        own, rest = energy([c]), [d for d in named if d != c]
-        others = [chosen for k in range(1, len(named)) for chosen in combinations(rest, k)]
-        undone = [energy([c, *chosen]) / max(own, energy(chosen)) for chosen in others]
-        out[c] *= min([1.0, *(x / UNDONE for x in undone)]) * own / (own + unknown)
-    missed = SHARE**2 * sum(energy([c]) for c in named)
-    for c in (c for c in causes if generic[c]):
-        out[c] *= energy([c]) / (energy([c]) + missed)
-    return out
 
 
 def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None) -> list[Term]:

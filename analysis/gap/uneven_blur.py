@@ -21,12 +21,8 @@ from analysis.gap.uneven_optics import axis_of, from_axis
 CORNER, FOURTH = "variance more in the corner", "variance more in the corner, steeply"  # a, f, px²
 LEANING = ("variance more to the right", "variance more downwards")  # b, c
 NEARER = ("variance more where nearer", "variance more off the focus")  # d, e
-DRAWN = {
-    CORNER: "corner",
-    FOURTH: "fourth",
-    LEANING[0]: "right",
-    LEANING[1]: "down",
-}  # as parameters of UnevenBlur
+# as parameters of UnevenBlur
+DRAWN = {CORNER: "corner", FOURTH: "fourth", LEANING[0]: "right", LEANING[1]: "down"}
 UNEVEN = (CORNER, FOURTH, *LEANING, *NEARER)
 PART = 0.5  # of the blur itself: of what varies over the image there is less than of what does not
 FOCUS = 0.1  # w of a focus that misses what is seen, typically; depths that differ less hardly differ in blur

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.gap.attribution import called
+from analysis.gap.belief import in_its_place
 from analysis.gap.calling import beside_structure, less_what_is_slight, only_called
 from analysis.gap.caution import Caution
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.fit import Fit, in_its_place
+from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term

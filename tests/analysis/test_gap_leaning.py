@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.evidence import REACH, Evidence, raised
+from analysis.gap.bounded import raised
+from analysis.gap.evidence import REACH, Evidence
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from analysis.gap.belief import believed, posterior
 from analysis.gap.evidence import SLABS, Evidence
-from analysis.gap.fit import believed, posterior
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import Bends, NormalEquations
 from analysis.gap.regions import ZONES, zones
