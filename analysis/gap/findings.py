@@ -147,8 +147,8 @@ def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Findin
 
 def beside_unknown(noise: NoiseFinding, fitted: Fit, sheet: Sensor) -> NoiseFinding:
     """A fixed pattern beside what has no name and is fixed to the image may be what that leaves at its pixels: less
-    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.belief.believed). Hot pixels are none
-    of it."""
+    probable by E / (E + E_unknown), E the mean square over the signal (analysis.gap.belief.believed). Hot pixels are
+    none of it."""
     if noise.name != "fixed_pattern" or any(n.startswith(HOT) for n in noise.parameters):
         return noise
     e, theta, unknown = fitted.evidence.e, fitted.after.theta, 0.0

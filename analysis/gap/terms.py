@@ -41,8 +41,8 @@ class Term:
     ``spike``: standard deviation that is expected anyway, in the term's unit, or where ``relative`` as the rms that
     it gives to the images that show it, over their signal. ``power``: the parameter is the term to the power
     1 / ``power``. ``part``: rms over the signal that it has of its cause, over that of the cause's first number, where
-    the cause is there. ``low``: the least value the term may have; a hypothesis that would have it lower does not count,
-    but where it is ``held``, which lets it stand there. ``kind``: "chain" (an effect in
+    the cause is there. ``low``: the least value the term may have; a hypothesis that would have it lower does not
+    count, but where it is ``held``, which lets it stand there. ``kind``: "chain" (an effect in
     ``interchange.effects``), "flow" (moves the image), "scene" (an effect that is rendered; up to ``step`` it counts as
     linear), "reflected" (light that the renderer does not draw), "linear", or "cell" (number ``cell`` of ``family``,
     which has no ``field``).
