@@ -234,7 +234,8 @@ def drawn(path: Path, camera: Camera, k: np.ndarray) -> np.ndarray:
 # --- a sensor
 
 
-def sensor(out: Path, count: int, picture: Path | None) -> None:
+def sensor(out: Path, count: int, picture: Path | None) -> dict[str, tuple[float, float]]:
+    """The numbers that the diagnosis of the bench finds, each beside what ``brightfield emva`` says of it."""
     about = emva_data.read(ASSETS / "camera_emva1288/EMVA1288_Data.txt")
     levels = [level(p.t_exp, p.photons, (images.read(i)[..., 0] for i in p.images)) for p in about.points]
     size = (about.width, about.height)
@@ -286,12 +287,14 @@ def sensor(out: Path, count: int, picture: Path | None) -> None:
     written(out, frames, entries, tolerances)
     found = diagnosed(out)
     told = {(f["name"], n): p for f in found["effects"] for n, p in f["parameters"].items()}
+    beside = {}
     for effect, name in REFERENCE:
         there = float(getattr(reference, name))
         if (effect, name) not in told:
             print(f"  {effect}: not found; {name} is {there:.5g} by brightfield emva")
             continue
         number = told[effect, name]
+        beside[name] = (float(number["value"]), there)
         print(
             f"  {effect}: {name} {number['value']:.5g} ± {number['sigma']:.2g} {number['unit']}, {there:.5g} by "
             f"brightfield emva" + (f": {100 * (number['value'] / there - 1):+.2f} %" if there else "")
@@ -299,6 +302,7 @@ def sensor(out: Path, count: int, picture: Path | None) -> None:
     if picture is not None and ("sensor_noise", "K") in told:
         own = [told["sensor_noise", n]["value"] for n in ("K", "read_noise")]
         transfer(levels, reference, own).savefig(picture, dpi=110)
+    return beside
 
 
 def transfer(levels: Sequence[Level], reference: Sensor, found: Sequence[float]) -> Figure:

@@ -174,18 +174,19 @@ def without_each(evidence: Evidence, h: Hypothesis, parts: Sequence[NormalEquati
     kept = np.array([i for i, t in enumerate(evidence.terms) if t.family is None or i in wide])
     terms, spikes = [evidence.terms[i] for i in kept], evidence.spike[kept]
     own = [p.of(kept) for p in parts]
+    whole = Evidence(total_of(own), terms, spikes=spikes)
     found, rests = [], []
     for k in range(len(own)) if len(own) >= FEWEST else ():
         others = total_of([p for i, p in enumerate(own) if i != k])
-        rest = Evidence(others, terms, spikes=spikes)
-        if all(c in rest.members for c in h.causes):
+        rest = whole.on(others)
+        if all((others.share[whole.members[c]] > 0).any() for c in h.causes):
             theta = np.zeros(len(evidence.terms))
             theta[kept] = rest.theta(h)
             found.append(theta)
             rests.append(rest)
     if len(found) < FEWEST:
         return LeftOut(np.zeros((0, len(evidence.terms))))
-    return LeftOut(np.array(found), tuple(rests), Evidence(total_of(own), terms, spikes=spikes), kept)
+    return LeftOut(np.array(found), tuple(rests), whole, kept)
 
 
 def spread(

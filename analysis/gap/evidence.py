@@ -44,6 +44,7 @@ MOST_GENERIC = 2  # of them without a name
 ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
 REACH = 2.0  # spikes, or standard deviations, that a term may be below what it may be
+UNSEEN = 1e6  # times as wide as what shows nothing, but for rounding, is at most: 1 - UNSEEN⁻² is not 1
 FURTHEST = 400.0  # the same of what stands elsewhere, such as a lens that was written down as none at all
 
 Given = Mapping[Cause, np.ndarray]  # how many times wider than its spike each term of a cause is
@@ -135,6 +136,13 @@ class Evidence:
         other._weigh(spikes)
         return other
 
+    def on(self, equations: NormalEquations) -> "Evidence":
+        """Other ``equations`` of the same terms, with these widths: what a cause is over the signal is not told anew."""
+        other = copy(self)
+        other.e = equations
+        other._weigh(self.spike)
+        return other
+
     def _weigh(self, spikes: np.ndarray | None) -> None:
         terms, equations = self.terms, self.e
         self.spike = self._declared.copy()
@@ -175,7 +183,7 @@ class Evidence:
         ratios = []
         for cause, slab in zip(causes, slabs, strict=True):
             i = self.members[cause]
-            ratio = np.clip(slab * self.part[i] / self.together[i] / self.spike[i], 2.0, None)
+            ratio = np.clip(slab * self.part[i] / self.together[i] / self.spike[i], 2.0, UNSEEN)
             widest = FURTHEST if slab == FAR else WIDEST
             ratios.append(given.get(cause, np.where(self.relative[i], ratio, np.minimum(ratio, widest))))
         return np.concatenate([self.members[c] for c in causes]), np.concatenate(ratios)

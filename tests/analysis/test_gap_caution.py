@@ -30,7 +30,7 @@ from analysis.gap.fit import Fit
 from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, total_of
-from analysis.gap.terms import Family, Term
+from analysis.gap.terms import NUISANCE, Family, Term
 
 SPIKE, PIXELS, NOISE = 0.005, 2000, 0.05
 A, LAMP = ("a", ""), ("light_spectrum", "/World/Left")
@@ -368,3 +368,26 @@ def test_beside_what_is_left_a_cause_is_less_probable_unless_it_is_noise() -> No
 def test_the_lesser_of_both() -> None:
     assert Caution(0.2, 0.1, 1.0).of(0.9) == pytest.approx(0.72)
     assert Caution(0.2, 1.0, 0.3).of(0.9) == pytest.approx(0.3)
+
+
+def test_the_only_lit_condition_may_be_left_out() -> None:
+    """Dark ones have no signal that a width could be a share of: a level that all show stays an effect, and is not
+    shared with what calibration leaves of it."""
+    rng = np.random.default_rng(3)
+    level = np.ones((2, PIXELS)) / NOISE
+    parts = [_part(level, 0.2 * level[0] + rng.standard_normal(PIXELS)) for _ in range(5)]
+    parts[1:] = [replace(p, signal=0.0) for p in parts[1:]]
+    evidence = Evidence(total_of(parts), [_term("a"), _term(NUISANCE)])
+    h = evidence.best((A,), {})
+    theta = without_each(evidence, h, parts).theta[:, 0]
+    assert theta == pytest.approx([evidence.theta(h)[0]] * 5, rel=0.02)  # noise of four conditions is 0.3 % of it
+
+
+def test_a_term_that_shows_nothing_but_rounding_ends_no_search() -> None:
+    """A width of 1 % of the signal is more than 1e8 of such a term's own: 1 less the square of that is 1 in float64."""
+    rng = np.random.default_rng(5)
+    X = np.array([np.ones(PIXELS), 1e-12 * rng.standard_normal(PIXELS)]) / NOISE
+    evidence = Evidence(
+        _part(X, 0.2 * X[0] + rng.standard_normal(PIXELS)), [_term("a"), _term("b", relative=True, spike=1e-12)]
+    )
+    assert evidence.search()[0].causes == (A,)
