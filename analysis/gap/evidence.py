@@ -137,7 +137,7 @@ class Evidence:
         return other
 
     def on(self, equations: NormalEquations) -> "Evidence":
-        """Other ``equations`` of the same terms, with these widths: what a cause is over the signal is not told anew."""
+        """Other ``equations`` of the same terms, with these widths: shares of the signal are not told anew."""
         other = copy(self)
         other.e = equations
         other._weigh(self.spike)

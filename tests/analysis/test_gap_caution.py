@@ -380,7 +380,9 @@ def test_the_only_lit_condition_may_be_left_out() -> None:
     evidence = Evidence(total_of(parts), [_term("a"), _term(NUISANCE)])
     h = evidence.best((A,), {})
     theta = without_each(evidence, h, parts).theta[:, 0]
-    assert theta == pytest.approx([evidence.theta(h)[0]] * 5, rel=0.02)  # noise of four conditions is 0.3 % of it
+    assert theta == pytest.approx(
+        [evidence.theta(h)[0]] * 5, rel=0.02
+    )  # noise of four conditions is 0.3 % of it
 
 
 def test_a_term_that_shows_nothing_but_rounding_ends_no_search() -> None:
@@ -388,6 +390,7 @@ def test_a_term_that_shows_nothing_but_rounding_ends_no_search() -> None:
     rng = np.random.default_rng(5)
     X = np.array([np.ones(PIXELS), 1e-12 * rng.standard_normal(PIXELS)]) / NOISE
     evidence = Evidence(
-        _part(X, 0.2 * X[0] + rng.standard_normal(PIXELS)), [_term("a"), _term("b", relative=True, spike=1e-12)]
+        _part(X, 0.2 * X[0] + rng.standard_normal(PIXELS)),
+        [_term("a"), _term("b", relative=True, spike=1e-12)],
     )
     assert evidence.search()[0].causes == (A,)
