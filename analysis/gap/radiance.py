@@ -21,11 +21,11 @@ import numpy as np
 
 from analysis.gap.parallel import own_property
 from analysis.gap.reflected import finely
-from analysis.gap.room import COARSER, leanings
+from analysis.gap.room import COARSER, DOME, coarsely, leanings, share_of
 from interchange.camera import Camera, Lens, Sensor
 from interchange.effects import Effect
 from interchange.image import Image
-from interchange.light import Light, LightKind
+from interchange.light import Light
 from interchange.problems import Where
 from interchange.scene import Scene
 
@@ -34,6 +34,7 @@ PASSES = ("depth", "position", "normal", "object_id", "material_id", "lit")
 SURFACES = ("object_id", "material_id", "normal")  # what tells them apart on the finer grid
 FINE = 3  # odd: the middle of a pixel is the middle of one of its parts
 MOST = 300e6  # bytes of a rendering on the fine grid; what needs more is made on the sensor's own
+TRACED = 500_000  # pixels that reflected light is traced for at most, where it is not part of what is drawn
 Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
 
 
@@ -212,7 +213,7 @@ def _at_full_power(scene: Scene, scenes: Sequence[Scene]) -> Scene:
 def _rendered(
     scene: Scene, camera: Camera, render: Render, settings: dict[str, Any], cache: Path
 ) -> Rendered:
-    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, FINE, MOST))
+    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, FINE, MOST, TRACED))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
     arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, settings))
@@ -269,12 +270,10 @@ def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, An
         rest = means(np.maximum(image.pixels - sum(lamps.values(), np.zeros_like(image.pixels)), 0), finer)
         middle = slice(finer // 2, None, finer)
         out = {n: p[middle, middle] for n, p in image.passes.items() if n.split(":")[0] in PASSES}
-        if settings.get("reflected"):
-            around = render(scene, camera, ("indirect",), True, 1, Paths.REFLECTED)
-            out |= {f"undrawn:{n}": np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps}
     rest[rest < 1e-5 * max(float(image.pixels.max()), 1e-30)] = 0  # rounding, where nothing shines by itself
-    dome = Light(AMBIENT, LightKind.DOME, (1.0, 1.0, 1.0))
-    ambient = render(replace(scene, lights=(dome,)), camera, (), False, 1, Paths.ALL).pixels - rest
+    ambient = _under_a_dome(scene, camera, render) - rest
+    if not bounces and settings.get("reflected"):
+        out |= _undrawn(scene, camera, list(lamps), render, {**out, "rest": rest, AMBIENT: ambient})
     if finer > 1:
         scale = max((float(p.max()) for p in lamps.values()), default=1.0) or 1.0
         out |= {f"fine:{n}": (p / scale).astype(np.float16) for n, p in lamps.items()}
@@ -282,6 +281,35 @@ def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, An
     else:
         out |= {f"light:{n}": p for n, p in lamps.items()}
     return {**out, "rest": rest, AMBIENT: ambient}
+
+
+def _under_a_dome(scene: Scene, camera: Camera, render: Render) -> np.ndarray:
+    return render(replace(scene, lights=(DOME,)), camera, (), False, 1, Paths.ALL).pixels
+
+
+def _undrawn(
+    scene: Scene, camera: Camera, lamps: Sequence[str], render: Render, drawn: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """What paths have of each lamp's reflected light, (H, W, 3), as ``undrawn:NAME``; of large sensors traced on a
+    coarser grid and laid onto the surfaces, where they have textures over what they have of light from everywhere."""
+    width, height = camera.sensor.resolution
+    coarser = int(np.ceil(np.sqrt(width * height / TRACED))) // 2 * 2 + 1 if width * height > TRACED else 1
+
+    def traced(eye: Camera) -> list[np.ndarray]:
+        around = render(scene, eye, ("indirect",), True, 1, Paths.REFLECTED)
+        return [np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps]
+
+    if coarser == 1 or drawn["rest"].any():
+        planes = traced(camera)
+    elif any(body.material.maps for body in scene.bodies):
+        dome, *fine = coarsely(
+            lambda eye: [_under_a_dome(scene, eye, render), *traced(eye)],
+            *(camera, coarser, surfaces(drawn), drawn["normal"]),
+        )
+        planes = [share_of(dome, plane) * drawn[AMBIENT] for plane in fine]
+    else:
+        planes = coarsely(traced, camera, coarser, surfaces(drawn), drawn["normal"])
+    return {f"undrawn:{n}": plane for n, plane in zip(lamps, planes, strict=True)}
 
 
 def _leaning(

@@ -6,7 +6,7 @@ T and T_k are drawn on a grid ``COARSER`` times coarser than the sensor's, as li
 a surface, and their ratio is laid onto it surface by surface.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ from interchange.light import Light, LightKind
 
 COARSER = 3  # odd, as the middle of a pixel is told there
 MOST = 1.0  # of what comes from everywhere
+DOME = Light("room", LightKind.DOME, (1.0, 1.0, 1.0))
 
 
 def leanings(
@@ -26,26 +27,42 @@ def leanings(
 ) -> dict[str, np.ndarray]:
     """{axis of the world: (H, W, 3) float16 in [-1, 1]}: what it gives over what comes from everywhere. ``drawn``: the
     radiance (h, w, 3) that a camera sees under one light; ``surface`` (H, W), ``normal`` (H, W, 3) of ``camera``."""
-    width, height = (x // COARSER for x in camera.sensor.resolution)
-    whole = slice(0, height * COARSER), slice(0, width * COARSER)
-    eye = cropped(camera, *whole).resized(width)
     domes = [
         Light("room", LightKind.DOME, (1.0, 1.0, 1.0), texture=leaning((0.5, 0.5, 0.5), 0.5 * np.eye(3)[k]))
         for k in range(3)
     ]
-    every = drawn(eye, Light("room", LightKind.DOME, (1.0, 1.0, 1.0)))
-    planes = np.concatenate([every, *(drawn(eye, dome) for dome in domes)], axis=2)
+    fine = coarsely(
+        lambda eye: [drawn(eye, light) for light in (DOME, *domes)], camera, COARSER, surface, normal
+    )
+    return {
+        axis: np.clip(2 * share_of(fine[0], part, 0.5) - 1, -MOST, MOST).astype(np.float16)
+        for axis, part in zip(AXES, fine[1:], strict=True)
+    }
+
+
+def coarsely(
+    drawn: Callable[[Camera], Sequence[np.ndarray]],
+    camera: Camera,
+    coarser: int,
+    surface: np.ndarray,
+    normal: np.ndarray,
+) -> list[np.ndarray]:
+    """(H, W, 3) float32 of each of the images that are ``drawn``, (h, w, 3), on a grid ``coarser`` (odd) times coarser,
+    laid onto it surface by surface."""
+    width, height = (x // coarser for x in camera.sensor.resolution)
+    whole = slice(0, height * coarser), slice(0, width * coarser)
+    planes = np.concatenate(list(drawn(cropped(camera, *whole).resized(width))), axis=2)
     fine = finely(np.maximum(planes, 0), surface[whole], normal[whole])
-    out = {}
-    for k, axis in enumerate(AXES):
-        part, of = fine[..., 3 * k + 3 : 3 * k + 6], fine[..., :3]
-        share = 2 * np.divide(part, of, out=np.full_like(of, 0.5), where=of > 0) - 1
-        out[axis] = _padded(np.clip(share, -MOST, MOST), camera.sensor.resolution)
-    return out
+    return [_padded(fine[..., k : k + 3], camera.sensor.resolution) for k in range(0, fine.shape[2], 3)]
+
+
+def share_of(whole: np.ndarray, part: np.ndarray, otherwise: float = 0.0) -> np.ndarray:
+    """part / whole; ``otherwise`` where that is dark."""
+    return np.divide(part, whole, out=np.full_like(part, otherwise), where=whole > 0)
 
 
 def _padded(plane: np.ndarray, resolution: tuple[int, int]) -> np.ndarray:
     """With its last rows and columns once more, where a grid does not go into the sensor's."""
     w, h = resolution
     below, beside = h - plane.shape[0], w - plane.shape[1]
-    return np.asarray(cv2.copyMakeBorder(plane, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.float16)
+    return np.asarray(cv2.copyMakeBorder(plane, 0, below, 0, beside, cv2.BORDER_REPLICATE))

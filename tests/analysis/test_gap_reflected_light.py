@@ -1,9 +1,12 @@
 """Light by way of other surfaces, which the rasteriser does not draw, is a finding of a diagnosis with it."""
 
+import cv2
 import numpy as np
 import pytest
 
+from analysis.gap import radiance
 from analysis.gap.diagnose import Diagnosed
+from analysis.gap.renderers import renderer
 from tests.analysis.gap_bench import Rig
 
 
@@ -34,3 +37,26 @@ def test_it_says_what_draws_it(found: Diagnosed) -> None:
     assert any("interreflection" in n and "--render offline" in n for n in found.diagnosis.notes)
     assert found.diagnosis.verification is not None
     assert found.diagnosis.verification.holds
+
+
+def test_on_a_large_sensor_it_is_traced_on_a_coarser_grid(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Away from what a coarser pixel shows two surfaces of it is the same within the denoiser's 1 % of the signal."""
+    scene = rig.document.scene(0)
+    camera = scene.camera("/World/Camera0").resized(240)
+    width, height = camera.sensor.resolution
+    found = []
+    for most in (width * height, width * height // 9):
+        monkeypatch.setattr(radiance, "TRACED", most)
+        with renderer("realtime", 16) as (render, settings):
+            found += radiance.render_all([(scene, camera)], render, settings, rig.folder / "cache")
+    fine, coarse = found
+    near = np.ones((7, 7), np.uint8)
+    surface = radiance.surfaces(fine.passes).astype(np.float32)
+    inside = cv2.erode(surface, near) == cv2.dilate(surface, near)
+    assert inside.mean() > 0.5
+    for name, plane in fine.undrawn.items():
+        signal = fine.lamps[name] + plane
+        off = (coarse.undrawn[name] - plane)[inside]
+        assert coarse.undrawn[name].shape == plane.shape
+        assert np.sqrt(np.mean(off**2)) < 0.01 * np.sqrt(np.mean(signal[inside] ** 2))
+        assert off.sum() == pytest.approx(0, abs=0.02 * plane[inside].sum())
