@@ -116,6 +116,18 @@ def conditions(captures: Captures, document: Document) -> list[Condition]:
 
     Raises FileError with every capture that does not fit the scene.
     """
+    found = [
+        _condition(tuple(members), scene, camera) for members, scene, camera in _grouped(captures, document)
+    ]
+    return _split(found, captures.holdout)
+
+
+def must_fit(captures: Captures, document: Document) -> None:
+    """Raises FileError with every capture that does not fit the scene."""
+    _grouped(captures, document)
+
+
+def _grouped(captures: Captures, document: Document) -> list[tuple[list[Capture], Scene, Camera]]:
     problems: list[Problem] = []
     groups: dict[tuple[object, ...], list[Capture]] = {}
     stands: dict[tuple[object, ...], tuple[Scene, Camera]] = {}
@@ -157,8 +169,7 @@ def conditions(captures: Captures, document: Document) -> list[Condition]:
         stands.setdefault(key, (scene, camera))
     if problems:
         raise FileError(problems)
-    found = [_condition(tuple(members), *stands[key]) for key, members in groups.items()]
-    return _split(found, captures.holdout)
+    return [(members, *stands[key]) for key, members in groups.items()]
 
 
 def _steady(scene: Scene, camera: Camera) -> Scene:

@@ -18,10 +18,11 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
+from analysis.gap.binned import binned_captures, binned_document
 from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
 from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
-from analysis.gap.conditions import Condition, conditions, with_renderings
+from analysis.gap.conditions import Condition, conditions, must_fit, with_renderings
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
@@ -46,6 +47,7 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.notes import notes
 from analysis.gap.overlap import must_overlap, with_files_bits
+from analysis.gap.own_pixels import edges_of_own_pixels, note, of_own_pixels
 from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes, Render, render_all
 from analysis.gap.redrawn import redrawn
@@ -95,6 +97,7 @@ def diagnose(
     verify: bool = False,
     metric: tuple[str, Measure] | None = None,
     rehearsals: int = 0,
+    binning: int = 1,
 ) -> Diagnosed:
     """The diagnosis of ``captures``; the corrected scene is written to ``out``.
 
@@ -102,9 +105,14 @@ def diagnose(
     ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
     ``rehearsals``: cases simulated from the scene that probabilities are calibrated on (analysis.gap.rehearsing).
+    ``binning``: pixels across that are taken as one (analysis.gap.binned.times_binned: how many their size asks for).
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
+    as_written, of_all_pixels = document, captures
+    if binning > 1:
+        must_fit(captures, document)
+        captures, document = binned_captures(captures, document, binning), binned_document(document, binning)
     found = with_steps(with_files_bits(conditions(captures, document)))
     rendered = render_all(
         [(c.scene, c.camera) for c in found], render, settings, cache, lambda k, n: told("rendering", k / n)
@@ -182,18 +190,24 @@ def diagnose(
     told("where", 0.0)
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
+    mapped = v.maps is not None
     left = written(
-        document, captures, all_of_them, fitted, findings, noise, v.maps is not None, screens, scene_file
+        as_written, captures, all_of_them, fitted, findings, noise, mapped, screens, scene_file, binning
     )
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
-        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told)
+        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told, binning)
     told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
+    edges = _edges(held, v.by, v.shown)
+    if binning > 1:
+        findings = [of_own_pixels(f, binning) for f in findings]
+        edges = edges and edges_of_own_pixels(edges, binning)
+        told_of.append(note(of_all_pixels, binning))
     diagnosis = Diagnosis(
         effects=tuple(findings),
         unknown=unknown,
@@ -203,7 +217,7 @@ def diagnose(
         seconds=time.monotonic() - began,
         notes=tuple(told_of),
         waterfall=waterfall(shrunk, taken, known),
-        edges=_edges(held, v.by, v.shown),
+        edges=edges,
         metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
         verification=check,
         smallest=detectable(fitted.evidence, fitted.declared, fitted.severity),

@@ -20,10 +20,11 @@ Renderer = tuple[Render, dict[str, Any]]
 
 
 @contextmanager
-def renderer(name: str, samples: int = 0, reflected: bool = True) -> Iterator[Renderer]:
-    """The renderer, and what decides its image. ``samples`` 0 takes as many as a diagnosis needs. The rasteriser draws
-    no ``reflected`` light: with it, paths tell how much there would be, as a pass of its own."""
-    samples = samples or SAMPLES[name]
+def renderer(name: str, samples: int = 0, reflected: bool = True, binning: int = 1) -> Iterator[Renderer]:
+    """The renderer, and what decides its image. ``samples`` of each of the sensor's pixels, of which ``binning`` x
+    ``binning`` are one (analysis.gap.binned) that has as much less noise; 0 takes as many as a diagnosis needs. The
+    rasteriser draws no ``reflected`` light: with it, paths tell how much there would be, as a pass of its own."""
+    samples = (samples or SAMPLES[name]) * binning**2
     with _cycles(samples) if name == "offline" else _rasterizer(samples, reflected) as found:
         yield found
 

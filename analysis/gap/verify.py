@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.gap.binned import binned_document
 from analysis.gap.conditions import Condition
 from analysis.gap.model import Model
 from analysis.gap.radiance import Render, render_all
@@ -57,9 +58,11 @@ def verified(
     settings: dict[str, Any],
     cache: Path,
     told: Callable[[str, float], None] = lambda what, share: None,
+    binning: int = 1,
 ) -> Verification:
-    """``scene``: the corrected file; ``registration``: calibration's errors alone; ``claimed``: χ that is predicted."""
-    document = open_scene(scene)
+    """``scene``: the corrected file; ``registration``: calibration's errors alone; ``claimed``: χ that is predicted;
+    ``binning``: of the captures."""
+    document = binned_document(open_scene(scene), binning)
     found = []
     for condition in held_out:
         new = document.scene(condition.captures[0].time)

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
+from analysis.gap.binned import power
 from analysis.gap.chain_terms import signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
@@ -36,12 +37,14 @@ def written(
     mapped: bool,
     screens: Sequence[Screen],
     path: Path,
+    binning: int = 1,
 ) -> dict[str, str]:
     """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
-    pixels are off by how much is known; ``screens``: cameras whose captures are encoded."""
+    pixels are off by how much is known; ``screens``: cameras whose captures are encoded; ``binning``: of the captures
+    that were fitted to, which is not the scene's."""
     changes = [
-        *_changes(conditions, fitted, {f.name for f in findings}),
-        *(change for n in noise if n.name in WRITTEN for change in _noise_changes(n)),
+        *_changes(conditions, fitted, {f.name for f in findings}, binning),
+        *(change for n in noise if n.name in WRITTEN for change in _noise_changes(n, binning)),
     ]
     left = write_corrected(document, captures, changes, path, partial(on_scene, screens=screens))
     if mapped:
@@ -52,7 +55,7 @@ def written(
     }
 
 
-def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> list[Change]:
+def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binning: int) -> list[Change]:
     """What the findings change in the scene: a value a parameter, by effect and by what it is about; textures are
     laid out."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
@@ -60,7 +63,8 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> l
     for i, term in enumerate(fitted.terms):
         if term.cause in names - {"texture"} and term.candidate in fitted.best.causes and term.is_a_parameter:
             theta = float(fitted.after.theta[together(fitted.terms, i)].sum())
-            pair = (term.value(theta), term.value(0.0))
+            own = float(binning) ** -power(term.cause, term.parameter, term.unit)
+            pair = (own * term.value(theta), own * term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
             told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
     changes = []
@@ -73,9 +77,11 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str]) -> l
     return changes
 
 
-def _noise_changes(noise: NoiseFinding) -> list[Change]:
+def _noise_changes(noise: NoiseFinding, binning: int) -> list[Change]:
     """Its numbers stand for those of the sensor's data sheet; what is hot is an effect by itself there."""
-    values = {n: x.value for n, x in noise.parameters.items()}
+    values = {
+        n: x.value * float(binning) ** -power(noise.name, n, x.unit) for n, x in noise.parameters.items()
+    }
     hot = {n.removeprefix(HOT): values.pop(n) for n in list(values) if n.startswith(HOT)}
     changes = [Change(noise.name, "", values, None)] if values else []
     return [*changes, Change("hot_pixels", "", hot, None)] if hot else changes

@@ -44,10 +44,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="calibrate probabilities on N cases simulated from the scene (each takes as long as the fit)",
     )
+    parser.add_argument(
+        "--bin",
+        type=int,
+        default=0,
+        metavar="N",
+        help="take means over N x N pixels (default: 1, more for captures above 0.8 megapixels)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     from analysis.gap import metric
+    from analysis.gap.binned import times_binned
     from analysis.gap.diagnose import diagnose
     from analysis.gap.diagnosis import write
     from analysis.gap.renderers import renderer
@@ -60,13 +68,16 @@ def run(args: argparse.Namespace) -> int:
         raise BrightfieldError(f"--samples must be 1 or more; got {args.samples}.")
     if args.rehearse < 0:
         raise BrightfieldError(f"--rehearse must be 0 or more; got {args.rehearse}.")
+    if args.bin < 0:
+        raise BrightfieldError(f"--bin must be 1 or more; got {args.bin}.")
     measure = (args.metric, metric.load(args.metric)) if args.metric else None
     captures = captures_file.read(args.captures)
     document = open_scene(captures.scene)
     args.out.mkdir(parents=True, exist_ok=True)
     home = Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache")
     cache = args.cache or home / "brightfield" / "renderings"
-    with renderer(args.render, args.samples) as (render, settings):
+    binning = args.bin or times_binned(captures, document)
+    with renderer(args.render, args.samples, binning=binning) as (render, settings):
         found = diagnose(
             captures,
             document,
@@ -78,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
             not args.no_verify,
             measure,
             args.rehearse,
+            binning,
         )
     d = found.diagnosis
     write(args.out / "diagnosis.json", d)

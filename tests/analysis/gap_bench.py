@@ -62,12 +62,19 @@ class Rig:
         path.write_text(json.dumps({"scene": "../scene.usda", "captures": entries}))
         return captures_file.read(path)
 
-    def diagnosed(self, captures: Captures, out: str) -> Diagnosed:
+    def diagnosed(self, captures: Captures, out: str, binning: int = 1) -> Diagnosed:
         where = self.folder / out
         where.mkdir(exist_ok=True)
-        with renderer("realtime", 16) as (render, settings):
+        with renderer("realtime", 16, binning=binning) as (render, settings):
             return diagnose(
-                captures, self.document, render, settings, self.folder / "cache", where, verify=True
+                captures,
+                self.document,
+                render,
+                settings,
+                self.folder / "cache",
+                where,
+                verify=True,
+                binning=binning,
             )
 
 

@@ -1,0 +1,135 @@
+"""Large sensors are diagnosed by means over n x n pixels; what is told is of the sensor's own pixels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.binned import LARGEST, binned_camera, binned_captures, times_binned
+from analysis.gap.diagnose import Diagnosed
+from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.expected import expected
+from analysis.gap.own_pixels import of_own_pixels
+from interchange.camera import Camera, Lens, Sensor
+from interchange.effects.black_level import BlackLevel
+from interchange.effects.defocus import Defocus
+from interchange.exposure import expose
+from interchange.formats.document import open_scene
+from interchange.image import Image, Quantity
+from interchange.problems import BrightfieldError
+from interchange.sensor import Mosaic
+from tests.analysis.gap_bench import Rig
+
+N = 3
+SENSOR = Sensor((92, 61), (5e-6, 5e-6), 80.0, 9000.0, 12, 64.0, 8.0, prnu=0.01, dsnu=4.0, dark_current=50.0)
+CAMERA = Camera(
+    "/World/Camera", lens=Lens(12e-3, blur=1.5, field_blur=(0.0, 3.0, 1.0, 0.0)), sensor=SENSOR, t_exp=0.02
+)
+
+
+def test_a_mean_over_pixels_is_what_a_sensor_that_bins_reads() -> None:
+    """Mean and both variances, of the sensor's own model, against frames of its pixels: 500 frames of 600 means."""
+    camera = replace(CAMERA, lens=Lens(12e-3))
+    level = 1500.0
+    rng = np.random.default_rng(2)
+    flat = Image(np.full((61, 92, 3), level, np.float32), Quantity.RADIANCE, camera)
+    frames = []
+    for _ in range(500):
+        dn = expose(flat, camera, camera.t_exp, rng=rng).pixels
+        frames.append(dn[:60, :90].reshape(20, N, 30, N, 3).mean(axis=(1, 3)))
+    few = binned_camera(camera, N)
+    model = expected(np.full((20, 30, 3), level, np.float32), few)
+    rounding = (1 - 1 / N**2) / 12  # of means, which the model takes for that of a code
+    seen = np.array(frames)
+    assert seen.mean() == pytest.approx(model.dn.mean(), abs=0.3)  # 4 DN of fixed pattern over 1800 means
+    assert seen.var(axis=0, ddof=1).mean() == pytest.approx(model.temporal.mean() - rounding, rel=0.01)
+    pattern = seen.mean(axis=0).var() - seen.var(axis=0).mean() / len(seen)
+    assert pattern == pytest.approx(
+        model.fixed.mean(), rel=0.15
+    )  # a variance of 1800 values: 3.3 %, four times
+
+
+def test_what_is_left_over_at_the_rim_is_not_read_out() -> None:
+    few = binned_camera(CAMERA, N)
+    assert few.sensor.resolution == (30, 20)
+    points = np.random.default_rng(1).uniform([-0.3, -0.3, 1.7], [0.3, 0.3, 2.3], (20, 3))
+    assert few.project(points) == pytest.approx((CAMERA.project(points) + 0.5) / N - 0.5)
+
+
+def test_lengths_in_pixels_are_fewer() -> None:
+    few = binned_camera(CAMERA, N)
+    assert few.lens.blur == pytest.approx(0.5)
+    assert few.lens.field_blur == pytest.approx((0, 1.0, 1 / 3, 0))
+
+
+def test_a_mosaic_cannot_be_binned() -> None:
+    with pytest.raises(BrightfieldError, match="mosaic"):
+        binned_camera(replace(CAMERA, sensor=replace(SENSOR, mosaic=Mosaic.RGGB)), N)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "unit", "times"),
+    [
+        ("principal_point", "cx", "px", N),
+        ("defocus", "Camera1 blur", "px", N),
+        ("sensor_noise", "K", "DN/e-", N**2),
+        ("sensor_noise", "read_noise", "e-", 1 / N),
+        ("fixed_pattern", "prnu", "1", N),
+        ("saturation", "full_well", "e-", 1 / N**2),
+        ("black_level", "black_level", "DN", 1),
+        ("vignetting", "a2", "1", 1),
+        ("black_level", "Camera0 dark_current", "e-/s", 1 / N**2),
+    ],
+)
+def test_numbers_are_told_of_own_pixels(effect: str, name: str, unit: str, times: float) -> None:
+    finding = Finding(effect, 0.9, {name: Estimate(2.0, 0.5, unit)}, (), "", 2.0, 1.0, 0.5)
+    told = of_own_pixels(finding, N).parameters[name]
+    assert (told.value, told.sigma, told.unit) == (pytest.approx(2 * times), pytest.approx(0.5 * times), unit)
+
+
+@pytest.fixture(scope="module")
+def found(rig: Rig) -> Diagnosed:
+    effects = (Defocus(blur=2.0), BlackLevel(black_level=80.0))
+    return rig.diagnosed(rig.captured("binned", effects), "binned", binning=2)
+
+
+def test_captures_that_are_binned_tell_the_same(rig: Rig, found: Diagnosed) -> None:
+    d = found.diagnosis
+    effects = {e.name: e.parameters for e in d.effects if e.probability > 0.5}
+    assert set(effects) == {"defocus", "black_level"}
+    for cause, name, truth in (("defocus", "blur", 2.0), ("black_level", "black_level", 80.0)):
+        x = effects[cause][name]
+        assert abs(x.value - truth) < 4 * x.sigma
+        assert x.sigma < 0.1 * abs(truth)
+    assert any("--bin 2" in n for n in d.notes)
+
+
+def test_the_scene_that_is_corrected_is_the_sensor_s_own(rig: Rig, found: Diagnosed) -> None:
+    corrected = open_scene(rig.folder / "binned" / found.diagnosis.corrected_scene)
+    camera = corrected.scene(0).cameras[0]
+    assert camera.sensor.resolution == rig.document.scene(0).cameras[0].sensor.resolution
+    assert camera.lens.blur == pytest.approx(2.0, abs=0.1)
+    assert camera.sensor.black_level == pytest.approx(80.0, abs=1.0)
+    assert found.diagnosis.verification is not None
+    assert found.diagnosis.verification.holds
+
+
+def test_small_captures_are_taken_as_they_are(rig: Rig) -> None:
+    captures = rig.captured("small", ())
+    assert times_binned(captures, rig.document) == 1
+    large = replace(captures.captures[0], pixels=np.zeros((1836, 2448, 1), np.float32))
+    n = times_binned(replace(captures, captures=(large,)), rig.document)
+    assert 1836 * 2448 / n**2 <= LARGEST < 1836 * 2448 / (n - 1) ** 2
+    assert n == 3
+
+
+def test_a_mean_of_what_is_saturated_is_left_out(rig: Rig) -> None:
+    captures = rig.captured("bright", ())
+    pixels = np.full_like(captures.captures[0].pixels, 100)
+    pixels[10, 11] = 4095
+    one = replace(captures, captures=(replace(captures.captures[0], pixels=pixels),))
+    few = binned_captures(one, rig.document, 4)
+    mask = few.captures[0].mask
+    assert mask is not None
+    assert [list(x) for x in np.argwhere(~mask)] == [[2, 2]]
+    assert few.tolerances.registration_px == pytest.approx(captures.tolerances.registration_px / 4)
