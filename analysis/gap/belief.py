@@ -1,7 +1,8 @@
 """How probable each cause is, by all hypotheses that have it, and where experience says that they are too sure."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import SHARE
 from analysis.gap.terms import Cause
 
+MISSED = 0.01  # of what strong effects change, that their formulas miss beyond what they may be modulated by
 UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
 
 
@@ -41,14 +43,29 @@ def in_its_place(
     return (own + others) / own if own else 1.0
 
 
+def gained(evidence: Evidence, h: Hypothesis) -> dict[Cause, float]:
+    """Of log Z, by each cause of a hypothesis beside its others."""
+    out = {}
+    for k, c in enumerate(h.causes):
+        rest = evidence.at((*h.causes[:k], *h.causes[k + 1 :]), (*h.slabs[:k], *h.slabs[k + 1 :]))
+        out[c] = h.log_Z - rest.log_Z
+    return out
+
+
 def believed(
-    probability: dict[Cause, float], causes: Sequence[Cause], evidence: Evidence, theta: np.ndarray
+    probability: dict[Cause, float],
+    causes: Sequence[Cause],
+    evidence: Evidence,
+    theta: np.ndarray,
+    gains: Mapping[Cause, float] = MappingProxyType({}),
 ) -> dict[Cause, float]:
     """The probabilities of ``causes``, lower where experience says that the evidence is too sure:
 
         p E / (E + E_unknown)                        of an effect beside something without a name, as it outweighs that
         p E / (E + SHARE² E_named)                   of that beside effects, whose formulas may miss a share of what
                                                      they change (analysis.gap.form_terms)
+        p 2 g / (2 g + MISSED² E_others)             of an effect that gains g in log Z beside others, whose formulas
+                                                     may miss what no slow modulation has
         p min(1, 2 |Δ + Δ_o|² / max(|Δ|², |Δ_o|²))   where some of the others undo more than half of what it changes
 
     Δ: what a cause changes, Δ_o: what others of the named ones do together (of all choices of them the worst), in the
@@ -75,6 +92,9 @@ def believed(
         others = [chosen for k in range(1, len(named)) for chosen in combinations(rest, k)]
         undone = [energy([c, *chosen]) / max(own, energy(chosen)) for chosen in others]
         out[c] *= min([1.0, *(x / UNDONE for x in undone)]) * own / (own + unknown)
+        if c in gains:
+            gain = max(2 * gains[c], 1e-30)
+            out[c] *= gain / (gain + MISSED**2 * sum(energy([d]) for d in rest))
     missed = SHARE**2 * sum(energy([c]) for c in named)
     for c in (c for c in causes if generic[c]):
         out[c] *= energy([c]) / (energy([c]) + missed)

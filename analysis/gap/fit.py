@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.gap.aperture import without_apertures
-from analysis.gap.belief import believed, in_its_place, posterior
+from analysis.gap.belief import believed, gained, in_its_place, posterior
 from analysis.gap.camera_terms import camera_terms
 from analysis.gap.caution import Caution, cautions, left_over, without_each
 from analysis.gap.color_shading import color_shading
@@ -269,7 +269,8 @@ def _fit(search: Search, stand: Stand) -> Fit:
     if best.causes:
         still = np.where([t.kind == "flow" for t in terms] & ~cause, after.at, 0.0)
         before = replace(after, theta=np.where(cause, 0.0, theta), at=still, beside=after)
-    probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta)
+    gains = gained(stand.evidence, best)
+    probability = believed(posterior(stand.hypotheses), best.causes, evidence, theta, gains)
     probability = without_apertures(probability, terms, np.where(cause, theta, 0.0))
     probability = without_rises(
         probability, terms, np.where(cause, theta, 0.0), lambda index: evidence.covariance(best, index)[index]

@@ -120,6 +120,19 @@ def test_what_an_effects_formula_may_miss_is_no_unknown(rng: np.random.Generator
     assert believed(sure, causes[1:], evidence, np.array([1.0, 0.1]))["b", ""] == 1
 
 
+def test_what_gains_no_more_than_strong_effects_may_leave_is_in_doubt(rng: np.random.Generator) -> None:
+    """A hundredth of a is 0.4 of χ²; c gains half of that in log Z, and is in doubt; b gains a hundred times as much."""
+    X = np.linalg.qr(rng.standard_normal((4000, 3)))[0] * np.sqrt(4000)
+    evidence = Evidence(_equations(X, X @ [1, 0.1, 0.1]), _terms(list("abc"), 0.002))
+    a, b, c = causes = (("a", ""), ("b", ""), ("c", ""))
+    gains = {a: 2000.0, b: 20.0, c: 0.2}
+    p = believed(dict.fromkeys(causes, 1.0), causes, evidence, np.array([1.0, 0.1, 0.1]), gains)
+    assert p[c] == pytest.approx(0.4 / (0.4 + 1e-4 * 4040), rel=1e-6)
+    assert p[b] == pytest.approx(40 / (40 + 1e-4 * 4040), rel=1e-6)
+    assert p[a] > 0.9999
+    assert p[c] == pytest.approx(0.5, abs=0.01)
+
+
 def test_noise_alone_has_no_cause() -> None:
     """Ten draws; one cause called in a hundred thousand hypotheses would be chance."""
     for seed in range(10):
