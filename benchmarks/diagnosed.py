@@ -31,7 +31,7 @@ def written(
 def diagnosed(folder: Path) -> dict[str, Any]:
     """What ``brightfield diagnose`` writes of captures.json in ``folder``."""
     command = [sys.executable, "-m", "composer", "diagnose", str(folder / "captures.json"), "--render", "realtime",
-               "--out", str(folder), "--cache", str(folder / "cache")]  # fmt: skip
+               "--out", str(folder), "--cache", str(folder / "cache"), "--bin", "1"]  # fmt: skip
     print(f"{folder.name}:", flush=True)
     subprocess.run(command, cwd=ROOT, check=True)
     found: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text())

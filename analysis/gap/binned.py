@@ -24,6 +24,7 @@ from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
 LARGEST = 800_000  # pixels of a capture that are each taken by itself
+FEWEST = 16  # columns or rows that means are left in
 # what a number of a sensor that bins n x n is over that of its own pixels, as a power of n; what has no line: 0
 OF_SENSOR = {
     "responsivity": 2, "full_well": 2, "dark_current": 2, "read_noise": 1, "dsnu": 1, "prnu": -1,
@@ -65,6 +66,9 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     if not _can_be_binned(camera):
         what = "a mosaic of colours" if s.mosaic.is_bayer else "a measured blur"
         raise BrightfieldError(f"Pixels of {camera.name}, which has {what}, cannot be binned.")
+    if min(s.resolution) // n < FEWEST:
+        w, h = s.resolution
+        raise BrightfieldError(f"--bin {n} leaves less than {FEWEST} of the {w} x {h} px of {camera.name}.")
     width, height = (x // n * n for x in s.resolution)
     camera = cropped(camera, slice(0, height), slice(0, width)).resized(width // n)
     numbers = {name: getattr(s, name) * n**k for name, k in OF_SENSOR.items()}
@@ -84,14 +88,20 @@ def binned_camera(camera: Camera, n: int) -> Camera:
 
 
 def binned_scene(scene: Scene, n: int) -> Scene:
-    return replace(scene, cameras=tuple(binned_camera(c, n) for c in scene.cameras))
+    """The scene with its cameras binned, as far as their pixels can be."""
+    cameras = tuple(binned_camera(c, n) if _can_be_binned(c) else c for c in scene.cameras)
+    return replace(scene, cameras=cameras)
 
 
 def binned_captures(captures: Captures, document: Document, n: int) -> Captures:
     """Means over n x n pixels. A pixel at which one of them is saturated or masked is left out: there the mean is no
-    linear sum of light."""
+    linear sum of light.
+
+    Raises BrightfieldError where a camera's pixels cannot be binned."""
     tolerances = captures.tolerances
-    top = {c.name: 2**c.sensor.bits_out - 1 for c in document.scene().cameras}
+    used = {c.camera for c in captures.captures}
+    cameras = [binned_camera(c, n) for c in document.scene().cameras if c.name in used]
+    top = {c.name: 2**c.sensor.bits_out - 1 for c in cameras}
     return replace(
         captures,
         captures=tuple(_binned(c, n, SATURATED * top[c.camera]) for c in captures.captures),

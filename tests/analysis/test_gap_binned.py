@@ -67,6 +67,11 @@ def test_a_mosaic_cannot_be_binned() -> None:
         binned_camera(replace(CAMERA, sensor=replace(SENSOR, mosaic=Mosaic.RGGB)), N)
 
 
+def test_some_pixels_must_be_left() -> None:
+    with pytest.raises(BrightfieldError, match="--bin 4 leaves less than 16"):
+        binned_camera(CAMERA, 4)
+
+
 @pytest.mark.parametrize(
     ("effect", "name", "unit", "times"),
     [
