@@ -73,9 +73,11 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     camera = cropped(camera, slice(0, height), slice(0, width)).resized(width // n)
     numbers = {name: getattr(s, name) * n**k for name, k in OF_SENSOR.items()}
     share, dark = s.hot_pixels
-    camera = replace(
-        camera, sensor=replace(camera.sensor, **numbers, hot_pixels=(min(share * n**2, 1.0), dark))
-    )
+    binned = replace(camera.sensor, **numbers, hot_pixels=(min(share * n**2, 1.0), dark))
+    # the sensor's model has a code's rounding, of which a mean of codes has 1/n²
+    read = (binned.K * binned.read_noise) ** 2 - (1 - n**-2) / 12
+    binned = replace(binned, read_noise=sqrt(max(read, 0.0)) / binned.K)
+    camera = replace(camera, sensor=binned)
     for model in MODELS.values():
         if not model.carried_by:
             continue

@@ -124,7 +124,7 @@ def test_a_slab_is_the_rms_of_a_cause_however_many_parts_it_has() -> None:
     parts = [whole, *(replace(whole, parameter=n, part=0.5) for n in (CORNER, *LEANING))]
     for terms in ([whole], parts):
         q = len(terms)
-        e = Evidence(NormalEquations(np.eye(q), np.zeros(q), 0.0, 1.0, 0.0, 10.0), terms)
+        e = Evidence(NormalEquations(np.eye(q), np.zeros(q), 0.0, 1.0, np.ones(q), 0.0, 10.0), terms)
         (cause,) = e.members
         index, ratio = e._wide([cause], [1.0])
         width = ratio * e.spike[index] * e.share[index]
