@@ -65,7 +65,7 @@ class Rig:
     def diagnosed(self, captures: Captures, out: str, binning: int = 1) -> Diagnosed:
         where = self.folder / out
         where.mkdir(exist_ok=True)
-        with renderer("realtime", 16, binning=binning) as (render, settings):
+        with renderer("realtime", 16 // binning**2, binning=binning) as (render, settings):
             return diagnose(
                 captures,
                 self.document,
