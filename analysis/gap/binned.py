@@ -8,6 +8,7 @@ a row's time is told in those of the sensor's own pixels afterwards. What codes 
 EMVA Standard 1288, release 4.0: a pixel of a camera that bins is what it reads out.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, sqrt
 
@@ -60,6 +61,19 @@ def power(effect: str, parameter: str, unit: str) -> float:
     return OF_EFFECT.get(effect, {}).get(parameter, LENGTHS.get(unit, 0.0))
 
 
+def of_own_pixels(effect: str, values: Mapping[str, tuple[float, str]], n: int) -> dict[str, float]:
+    """{parameter: value} of an effect on a sensor's own pixels; ``values``: the same, and units, of n x n as one."""
+    own = {k: x * float(n) ** -power(effect, k.rpartition(" ")[2], unit) for k, (x, unit) in values.items()}
+    if effect == "sensor_noise" and {"K", "read_noise"} <= set(own):
+        own["read_noise"] = sqrt(own["read_noise"] ** 2 + n**2 * rounding(n) / own["K"] ** 2)
+    return own
+
+
+def rounding(n: int) -> float:
+    """DN² by which a code's rounding, which the sensor's model has, exceeds that of a mean of n x n codes."""
+    return (1 - n**-2) / 12
+
+
 def binned_camera(camera: Camera, n: int) -> Camera:
     """The camera with n x n pixels read out as one; columns and rows that are left over are not."""
     s = camera.sensor
@@ -74,8 +88,7 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     numbers = {name: getattr(s, name) * n**k for name, k in OF_SENSOR.items()}
     share, dark = s.hot_pixels
     binned = replace(camera.sensor, **numbers, hot_pixels=(min(share * n**2, 1.0), dark))
-    # the sensor's model has a code's rounding, of which a mean of codes has 1/n²
-    read = (binned.K * binned.read_noise) ** 2 - (1 - n**-2) / 12
+    read = (binned.K * binned.read_noise) ** 2 - rounding(n)
     binned = replace(binned, read_noise=sqrt(max(read, 0.0)) / binned.K)
     camera = replace(camera, sensor=binned)
     for model in MODELS.values():

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from analysis.gap.binned import power
+from analysis.gap import binned
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.edges import EdgeOffsets
 from interchange.captures import Captures
@@ -19,10 +19,12 @@ def note(captures: Captures, n: int) -> str:
 
 def of_own_pixels(finding: Finding, n: int) -> Finding:
     """A finding of binned captures in the sensor's own pixels and electrons."""
+    values = {k: (x.value, x.unit) for k, x in finding.parameters.items()}
+    own = binned.of_own_pixels(finding.name, values, n)
 
     def told(name: str, x: Estimate) -> Estimate:
-        by = float(n) ** -power(finding.name, name.rpartition(" ")[2], x.unit)
-        return Estimate(x.value * by, x.sigma * by, x.unit)
+        by = float(n) ** -binned.power(finding.name, name.rpartition(" ")[2], x.unit)
+        return Estimate(own[name], x.sigma * by, x.unit)
 
     return replace(finding, parameters={name: told(name, x) for name, x in finding.parameters.items()})
 

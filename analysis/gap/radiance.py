@@ -293,19 +293,19 @@ def _undrawn(
     """What paths have of each lamp's reflected light, (H, W, 3), as ``undrawn:NAME``; of large sensors traced on a
     coarser grid and laid onto the surfaces, where they have textures over what they have of light from everywhere."""
     width, height = camera.sensor.resolution
-    coarser = int(np.ceil(np.sqrt(width * height / TRACED))) // 2 * 2 + 1 if width * height > TRACED else 1
+    coarser = int(np.ceil(np.sqrt(width * height / TRACED))) // 2 * 2 + 1  # odd
 
     def traced(eye: Camera) -> list[np.ndarray]:
         around = render(scene, eye, ("indirect",), True, 1, Paths.REFLECTED)
         return [np.maximum(around.passes[f"indirect:{n}"], 0) for n in lamps]
 
+    def textured(eye: Camera) -> list[np.ndarray]:
+        return [_under_a_dome(scene, eye, render), *traced(eye)]
+
     if coarser == 1 or drawn["rest"].any():
         planes = traced(camera)
     elif any(body.material.maps for body in scene.bodies):
-        dome, *fine = coarsely(
-            lambda eye: [_under_a_dome(scene, eye, render), *traced(eye)],
-            *(camera, coarser, surfaces(drawn), drawn["normal"]),
-        )
+        dome, *fine = coarsely(textured, camera, coarser, surfaces(drawn), drawn["normal"])
         planes = [share_of(dome, plane) * drawn[AMBIENT] for plane in fine]
     else:
         planes = coarsely(traced, camera, coarser, surfaces(drawn), drawn["normal"])

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
-from analysis.gap.binned import power
+from analysis.gap.binned import of_own_pixels, power
 from analysis.gap.chain_terms import signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
@@ -79,9 +79,8 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binn
 
 def _noise_changes(noise: NoiseFinding, binning: int) -> list[Change]:
     """Its numbers stand for those of the sensor's data sheet; what is hot is an effect by itself there."""
-    values = {
-        n: x.value * float(binning) ** -power(noise.name, n, x.unit) for n, x in noise.parameters.items()
-    }
+    told = {n: (x.value, x.unit) for n, x in noise.parameters.items()}
+    values = of_own_pixels(noise.name, told, binning)
     hot = {n.removeprefix(HOT): values.pop(n) for n in list(values) if n.startswith(HOT)}
     changes = [Change(noise.name, "", values, None)] if values else []
     return [*changes, Change("hot_pixels", "", hot, None)] if hot else changes

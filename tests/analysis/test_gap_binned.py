@@ -66,6 +66,15 @@ def test_a_mosaic_cannot_be_binned() -> None:
         binned_camera(replace(CAMERA, sensor=replace(SENSOR, mosaic=Mosaic.RGGB)), N)
 
 
+def test_read_noise_of_own_pixels_is_the_sensor_s() -> None:
+    """A mean of codes is rounded less than a code: what is taken off for that when binned is put back."""
+    few = binned_camera(CAMERA, N).sensor
+    told = {"K": Estimate(few.K, 0.0, "DN/e-"), "read_noise": Estimate(few.read_noise, 0.1, "e-")}
+    own = of_own_pixels(Finding("sensor_noise", 0.9, told, (), "", 2.0, 1.0, 0.5), N).parameters
+    assert own["K"].value == pytest.approx(SENSOR.K)
+    assert own["read_noise"].value == pytest.approx(SENSOR.read_noise)
+
+
 def test_some_pixels_must_be_left() -> None:
     with pytest.raises(BrightfieldError, match="--bin 4 leaves less than 16"):
         binned_camera(CAMERA, 4)
