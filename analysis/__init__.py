@@ -1,1 +1,5 @@
 """Images to knowledge."""
+
+from interchange.blas import choose_kernels
+
+choose_kernels()

@@ -1,1 +1,5 @@
-"""The person's desk: command line, demo, and later the window."""
+"""The person's desk: command line, demo, and the window."""
+
+from interchange.blas import choose_kernels
+
+choose_kernels()

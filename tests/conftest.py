@@ -1,7 +1,9 @@
 """Property tests try the same examples in every run, so that a red run can be had again; others with
 ``pytest --hypothesis-profile=explore``."""
 
-from hypothesis import settings
+import interchange  # noqa: F401  before NumPy (interchange.blas)
+
+from hypothesis import settings  # isort: skip
 
 settings.register_profile("same", derandomize=True)
 settings.register_profile("explore", derandomize=False)

@@ -1,0 +1,65 @@
+"""Matrix products take the kernels that the processor has, however new it is."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from interchange.blas import NEEDS, SETTING, choose_kernels, kernels_for
+
+AVX2 = {"sse4_2", "avx", "avx2", "fma"}
+AVX512 = AVX2 | {"avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl", "amx_tile"}
+PACKAGES = (
+    "analysis.gap.evidence",
+    "composer.cli",
+    "interchange.image",
+    "offline.settings",
+    "realtime.frame",
+)
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [(AVX512, "SkylakeX"), (AVX2, "Haswell"), (AVX512 - {"avx512vl"}, "Haswell"), ({"sse4_2", "avx"}, "")],
+)
+def test_the_best_that_a_processor_has(flags: set[str], name: str) -> None:
+    assert kernels_for(flags) == name
+
+
+def test_what_a_user_has_set_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    cpuinfo.write_text(f"processor : 0\nflags\t\t: {' '.join(sorted(AVX512))}\nbugs :\n")
+    monkeypatch.setenv(SETTING, "Zen")
+    choose_kernels(cpuinfo)
+    assert os.environ[SETTING] == "Zen"
+    monkeypatch.delenv(SETTING)
+    choose_kernels(tmp_path / "none")
+    assert SETTING not in os.environ
+    choose_kernels(cpuinfo)
+    assert os.environ[SETTING] == "SkylakeX"
+
+
+@pytest.mark.parametrize("module", PACKAGES)
+def test_every_package_chooses_before_numpy_is_there(module: str) -> None:
+    """In a process of its own, whose environment says nothing: OpenBLAS tells which kernels it took."""
+    code = (
+        f"import {module}, numpy, threadpoolctl\n"
+        "found = [x for x in threadpoolctl.threadpool_info() if 'numpy' in x['filepath']]\n"
+        "print(*(x['architecture'] for x in found))"
+    )
+    flags = {x for line in Path("/proc/cpuinfo").read_text().splitlines()[:60] for x in line.split()}
+    wanted = kernels_for(flags)
+    if wanted not in NEEDS:
+        pytest.skip("a processor of which nothing is asked")
+    env = {k: v for k, v in os.environ.items() if k != SETTING}
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2],
+        env=env,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.split() == [wanted]
