@@ -63,6 +63,7 @@ def made(plan: Plan, settings: Settings, folder: Path) -> dict[str, Any]:
         return replace(p, cause=replace(p.cause, eye=plan.eye))
 
     causes = [_cause(name, s, propose, fine, pilot, still, rng) for name, s in plan.effects]
+    fine = replace(fine, quality=replace(quality, margin=truth.margin(fine, causes)))
     without = truth.means(fine, [])
     causes = [
         c if s == 0 else _refined(c, s, fine, without) for c, (_, s) in zip(causes, plan.effects, strict=True)

@@ -19,6 +19,7 @@ from benchmarks.blind.errors import CalibrationErrors
 from benchmarks.blind.scene_causes import changed
 from benchmarks.blind.tracing import Quality, beam, guide, layer
 
+SPARE = 3  # px: of the image's own place on the sensor, of interpolation, and of a last step of an amplitude
 LIGHT = ("one lamp", "one lamp's colour", *chain.SKY, "bounces", "extra lamp", "translucent")
 
 
@@ -67,6 +68,18 @@ def means(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot] | None = 
                 E += c.amplitude * np.array(c.shape["color"]) * sum(pixels(shot, Lamp(**c.shape["lamp"])))
         out.append(_sensed(setup, causes, shot, E))
     return chain.series(causes, shots, out)
+
+
+def margin(setup: Setup, causes: Sequence[Cause]) -> int:
+    """Pixels around the sensor that an image needs which ``causes`` move: what comes into the frame lies there, and is
+    not what the frame's rim shows."""
+    (w, h), half = setup.bench.size, setup.frame.half
+    x, y = np.meshgrid(np.linspace(-w / 2, w / 2, w + 1) / half, np.linspace(-h / 2, h / 2, h + 1) / half)
+    far = 0.0
+    for channel in range(3):
+        u, v = chain.flow(causes, x, y, channel)
+        far = max(far, np.nanmax(np.abs(u)) * half - w / 2, np.nanmax(np.abs(v)) * half - h / 2)
+    return min(max(setup.quality.margin, int(np.ceil(far)) + SPARE), h // 2)
 
 
 def _by_eye(setup: Setup, causes: Sequence[Cause], shots: Sequence[Shot]) -> list[np.ndarray]:

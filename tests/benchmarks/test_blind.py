@@ -46,6 +46,18 @@ def test_no_file_imports_the_product(file: Path):
         assert not {n.split(".")[0] for n in names} & PRODUCT
 
 
+def test_what_a_lens_brings_into_the_frame_is_rendered():
+    """An image that looks d px outside the sensor needs d px around it; one that looks inside no more than others."""
+    setup = truth.Setup(scene("plate", (48, 36)), None, Quality(9, 1), 0, Path("unused"))  # type: ignore[arg-type]
+    barrel = Cause(
+        "lens_distortion", "division", 0.2, {"sign": -1.0}
+    )  # r / (1 - 0.2 r²), r = 1 in the corner
+    assert truth.margin(setup, [barrel]) == int(np.ceil((1 / 0.8 - 1) * 24)) + truth.SPARE
+    assert truth.margin(setup, [replace(barrel, shape={"sign": 1.0})]) == tracing.MARGIN
+    assert truth.margin(setup, []) == tracing.MARGIN
+    assert truth.margin(setup, [barrel.at(0.999)]) == 18
+
+
 def _proposed() -> list[tuple[str, str]]:
     everything = {**proposals.SEEN, **proposals.OUTSIDE}
     return [(name, scenes[0]) for name, scenes in everything.items()]
