@@ -40,6 +40,7 @@ from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
+from analysis.gap.margin import with_margins
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.noise import WEIGHING, noise_findings, with_black_level, with_noise
@@ -124,19 +125,21 @@ def diagnose(
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
 
-    def redraw(some: Sequence[Condition], standing: Changes) -> list[Condition]:
-        bases = {id(c.shown): c.shown for c in evened}
-        there = {}
-        for k, (key, base) in enumerate(bases.items()):
-            told("rendering anew", k / len(bases))
-            there[key] = redrawn(base, standing, render, settings, cache)
-        return with_renderings(some, {c.name: there[id(c.shown)] for c in evened}, standing)
+    def redraw(some: Sequence[Condition], standing: Changes, beyond: dict[str, float]) -> list[Condition]:
+        told("rendering anew", 0.0)
+        if standing:
+            bases = {id(c.shown): c.shown for c in evened}
+            there = {k: redrawn(base, standing, render, settings, cache) for k, base in bases.items()}
+            some = with_renderings(some, {c.name: there[id(c.shown)] for c in evened}, standing)
+        return with_margins(some, beyond, render, settings, cache)
 
     def stood(
         some: Sequence[Condition],
     ) -> tuple[list[Condition], Fit, list[np.ndarray], list[NoiseFinding]]:
         fitted = fit([c for c in some if not c.held_out], captures.tolerances, told, knots, redraw)
-        there = redraw(some, fitted.redrawn) if fitted.redrawn else list(some)
+        there = list(some)
+        if fitted.redrawn or fitted.beyond:
+            there = redraw(some, fitted.redrawn, fitted.beyond)
         told("verdict", 0.0)
         fitted = less_what_is_slight(no_worse([c for c in there if not c.held_out], fitted))
         held = [c for c in there if c.held_out]

@@ -40,7 +40,7 @@ from analysis.gap.terms import Cause, Term
 from analysis.gap.turned import alike
 from interchange.captures import Tolerances
 
-Redraw = Callable[[Sequence[Condition], Changes], list[Condition]]
+Redraw = Callable[[Sequence[Condition], Changes, dict[str, float]], list[Condition]]
 
 STARTS = 4
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
@@ -74,6 +74,9 @@ class Fit:
         0.0,
     )  # share beyond what was expected, probability that it has a cause
     redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
+    beyond: dict[str, float] = field(
+        default_factory=dict
+    )  # px that each camera sees of what is outside the frame
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
     severity: dict[Cause, np.ndarray] = field(
@@ -134,7 +137,7 @@ def fit(
 ) -> Fit:
     """``conditions``: those that may be fitted to, rendered. ``knots`` renders what effects of the scene change;
     without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
-    where the scene has it, with the light that goes by way of other surfaces."""
+    where the scene has it, with the light that goes by way of other surfaces, and with what lies beyond the frame."""
     both = (tolerances, told_apart(tolerances))
     terms, apart = each(lambda t: tuple(_terms(conditions, t, knots)), both)
     parts = shares(terms, apart)
@@ -150,13 +153,15 @@ def fit(
         chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
-    far, kept = search.far(chosen), first.kept
-    if redraw is not None and far:  # before tolerances look larger by what light does between surfaces
-        search = search.elsewhere(redraw(conditions, far))
+    far, beyond, kept = search.far(chosen), search.beyond(chosen), first.kept
+    if redraw is not None and (
+        far or beyond
+    ):  # before tolerances look larger by what light does between surfaces
+        search = search.elsewhere(redraw(conditions, far, beyond))
         chosen, kept = search.gone_on(search.stand(chosen.at, {}, "evidence", {}), "fit anew"), {}
     if chosen is not first:
         chosen = no_surer_than_at_home(first, _rescaled(search, kept, chosen))
-    return replace(_fit(search, chosen), redrawn=far, factors=search.widths.factors)
+    return replace(_fit(search, chosen), redrawn=far, beyond=beyond, factors=search.widths.factors)
 
 
 def _gain(stand: Stand) -> float:

@@ -58,8 +58,8 @@ class Rendered:
     ``ambient`` (H, W, 3): under radiance 1 from everywhere; ``leaning`` {axis: (H, W, 3) float16}: under radiance
     ω_axis from the direction ω, over that. ``indirect``: of each lamp, share of light that met another
     surface first, (H, W, 3); none where the renderer draws none, but ``undrawn``: the radiance of each that paths have,
-    (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer; none where that would
-    be too much. ``coarse``: how many of the sensor's pixels
+    (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer, with ``margin`` pixels
+    around; none where that would be too much. ``coarse``: how many of the sensor's pixels
     along a side are one here, which ``origin`` has apart. ``elsewhere``: the same with effects of the scene in force,
     ``standing``, that a difference of direct light does not tell.
     """
@@ -81,6 +81,19 @@ class Rendered:
     standing: Changes = ()
     elsewhere: tuple["Rendered", ...] = ()
     leaning: dict[str, np.ndarray] = field(default_factory=dict)
+    margin: int = 0  # px (analysis.gap.margin)
+
+    @property
+    def finer(self) -> int:
+        """How many times finer ``fine`` is."""
+        width = self.camera.sensor.resolution[0] + 2 * self.margin
+        return int(next(iter(self.fine.values())).shape[1] // width)
+
+    @property
+    def frame(self) -> tuple[slice, slice]:
+        """Rows and columns of ``fine`` that the sensor sees."""
+        around, (w, h) = self.finer * self.margin, self.camera.sensor.resolution
+        return slice(around, around + self.finer * h), slice(around, around + self.finer * w)
 
     def nearest(self, scene: Changes) -> "Rendered":
         """Of this and ``elsewhere`` the one where most of ``scene`` is in force, and nothing else."""

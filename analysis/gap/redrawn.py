@@ -59,7 +59,7 @@ def _near(scene: Scene, base: Rendered, part: tuple[slice, slice] | None, render
     """The lamps' light on the finer grid, the reflected share, and the passes."""
     camera = drawn(base.camera)
     eye = cropped(camera, *part) if part else camera
-    n = _finer(base)
+    n = base.finer
     finely = eye.resized(n * eye.sensor.resolution[0])
     direct = render(scene, finely, SURFACES, True, n**2, Paths.DIRECT)
     around = render(scene, eye, (*PASSES, "indirect"), True, 1, Paths.REFLECTED)
@@ -83,7 +83,7 @@ def _far(before: Scene, after: Scene, base: Rendered, render: Render) -> Planes:
 
 
 def _put(base: Rendered, part: tuple[slice, slice] | None, arrays: Planes, lit: Scene) -> Rendered:
-    n, (w, h) = _finer(base), base.camera.sensor.resolution
+    n, (w, h) = base.finer, base.camera.sensor.resolution
     rows, columns = part or (slice(0, h), slice(0, w))
     inner = slice(n * rows.start, n * rows.stop), slice(n * columns.start, n * columns.stop)
     fine, indirect = dict(base.fine), dict(base.indirect)
@@ -105,7 +105,3 @@ def _put(base: Rendered, part: tuple[slice, slice] | None, arrays: Planes, lit: 
         passes[name] = whole
     lamps = {name: pixels(plane, base.scale, base.camera) for name, plane in fine.items()}
     return replace(base, fine=fine, lamps=lamps, indirect=indirect, passes=passes)
-
-
-def _finer(base: Rendered) -> int:
-    return int(next(iter(base.fine.values())).shape[1] // base.camera.sensor.resolution[0])

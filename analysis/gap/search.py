@@ -15,6 +15,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
 from analysis.gap.knots import Knots, changed
+from analysis.gap.margin import beyond, margin_for
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.parallel import each
@@ -295,6 +296,17 @@ class Search:
             return ()
         scene = self.model(stand.at, stand.at).scene
         return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
+
+    def beyond(self, stand: Stand) -> dict[str, float]:
+        """px, by camera, that a stand's images show of what lies outside the frame as rendered, where that is more than
+        interpolation reaches."""
+        model = self.model(stand.at, stand.at)
+        found: dict[str, float] = {}
+        for c in {id(c.shown): c for c in self.conditions}.values():
+            far = beyond(model.flow(c))
+            if margin_for(far, c.camera):
+                found[c.camera.name] = max(found.get(c.camera.name, 0.0), far)
+        return found
 
     def within(self, at: np.ndarray, index: np.ndarray) -> np.ndarray:
         """``at`` with the terms ``index`` at what they may be at least."""

@@ -87,7 +87,7 @@ class Views:
 
     def _finely(self, ways: list[Way]) -> dict[Way, Rendered]:
         w, h = self.base.camera.sensor.resolution
-        n = self._times_finer
+        n = self.base.finer
         self._wider = wider = self._wider or self._finer()
         _keep_finer(self)
         base = self._moved()
@@ -105,19 +105,14 @@ class Views:
             for u, v in ways
         }
 
-    @property
-    def _times_finer(self) -> int:
-        return next(iter(self.base.fine.values())).shape[0] // self.base.camera.sensor.resolution[1]
-
     def _finer(self) -> dict[str, np.ndarray]:
         """Of each lamp the finer grid, moved and blurred, with a step of it around."""
-        n = self._times_finer
-        place = None if self.flow is None else _places(self.flow, n)
+        n = self.base.finer
+        place = None if self.flow is None else _places(self.flow, n, n * self.base.margin)
         found = {}
         for name, plane in self.base.fine.items():
             there = single(plane)
-            if place is not None:
-                there = _resampled(there, place)
+            there = there[self.base.frame] if place is None else _resampled(there, place)
             found[name] = cv2.copyMakeBorder(blurred(there, self.blur, n), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         return found
 
@@ -197,8 +192,9 @@ def _resampled(plane: np.ndarray, places: Places) -> np.ndarray:
     return np.concatenate([resample(plane[..., c : c + 1], *place) for c, place in enumerate(places)], axis=2)
 
 
-def _places(flow: np.ndarray, n: int) -> Places:
-    """Where each pixel of a grid ``n`` times finer comes from: columns and rows of it."""
+def _places(flow: np.ndarray, n: int, around: int = 0) -> Places:
+    """Where each pixel of a grid ``n`` times finer comes from: columns and rows of one with ``around`` more on each
+    side."""
     h, w = flow.shape[:2]
     column, row = np.meshgrid(np.arange(n * w, dtype=np.float32), np.arange(n * h, dtype=np.float32))
     found = []
@@ -206,5 +202,5 @@ def _places(flow: np.ndarray, n: int) -> Places:
         by: np.ndarray = np.ascontiguousarray(n * own, np.float32)
         if n > 1:
             by = cv2.resize(by, (n * w, n * h), interpolation=cv2.INTER_LINEAR)
-        found.append((column - by[..., 0], row - by[..., 1]))
+        found.append((column - by[..., 0] + around, row - by[..., 1] + around))
     return found

@@ -160,7 +160,7 @@ def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterize
     captured = drawn(found[::2], rasterizer, MOVED)
     assert BRACKET in standing(captured)
 
-    def never(some, standing) -> list[Condition]:
+    def never(some, standing, beyond) -> list[Condition]:
         raise AssertionError("a cause alone needs no renderings anew")
 
     done = fit(captured, Tolerances(), knots=knots, redraw=never)

@@ -1,0 +1,116 @@
+"""What lies beyond the frame, where the image as found shows it: a lens that distorts less towards the middle than the
+scene file's, or a camera that looks aside, images what the file's would not.
+
+Rendered as strips around what there is, on the finer grid alone, of the width that is asked for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.radiance import (
+    FINE,
+    SURFACES,
+    Paths,
+    Render,
+    Rendered,
+    drawn,
+    fingerprint,
+    kept_on_disk,
+    reflected,
+)
+from analysis.gap.reach import cropped
+from interchange.camera import Camera
+
+LEAST = 1.0  # px: less is interpolation's own reach, and a registration's
+SPARE = 2  # px more than a fit shows, as it goes on from there
+MOST = 0.25  # of the image's shorter side: a fit that is further off is astray
+
+Strip = tuple[slice, slice]
+
+
+def beyond(flow: np.ndarray | None) -> float:
+    """How many px outside the frame an image lies that moves by ``flow`` (H, W, 2) px, where that is furthest."""
+    if flow is None:
+        return 0.0
+    far = 0.0
+    for axis, n in ((0, flow.shape[1]), (1, flow.shape[0])):
+        along = np.arange(n, dtype=np.float32)
+        place = (along if axis == 0 else along[:, None]) - flow[..., axis]
+        far = max(far, float(-place.min()), float(place.max()) - (n - 1))
+    return far
+
+
+def margin_for(far: float, camera: Camera) -> int:
+    """Pixels around the frame that ``far`` px outside of it ask for; 0 where interpolation reaches."""
+    most = int(MOST * min(camera.sensor.resolution))
+    return min(int(np.ceil(far)) + SPARE, most) if far > LEAST else 0
+
+
+def with_margins(
+    found: Sequence[Condition],
+    beyond: dict[str, float],
+    render: Render,
+    settings: dict[str, Any],
+    cache: Path,
+) -> list[Condition]:
+    """Conditions whose renderings have what lies ``beyond`` {camera: px} the frame; those that share one share it."""
+    wide: dict[int, Rendered] = {}
+    for c in found:
+        if id(c.shown) not in wide:
+            margin = margin_for(beyond.get(c.camera.name, 0.0), c.camera)
+            wide[id(c.shown)] = widened(c.shown, margin, render, settings, cache)
+    return [replace(c, rendered=wide[id(c.shown)]) for c in found]
+
+
+def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any], cache: Path) -> Rendered:
+    """``base`` and what it has ``elsewhere``, with ``margin`` pixels around. Without a finer grid there are none. Kept
+    in ``cache``."""
+    if not base.fine or margin <= base.margin:
+        return base
+    m, n, (w, h) = margin, base.finer, base.camera.sensor.resolution
+    camera = drawn(base.camera)
+    scene = replace(base.scene, cameras=())
+    key = fingerprint((scene.bodies, scene.lights, camera, settings, FINE, "margin", m))
+    strips = {
+        "above": (slice(-m, 0), slice(-m, w + m)),
+        "below": (slice(h, h + m), slice(-m, w + m)),
+        "left": (slice(0, h), slice(-m, 0)),
+        "right": (slice(0, h), slice(w, w + m)),
+    }
+
+    def made() -> dict[str, np.ndarray]:
+        found: dict[str, np.ndarray] = {}
+        for word, strip in strips.items():
+            lamps = _lamps(replace(base, scene=scene), cropped(camera, *strip), render, settings)
+            found |= {f"{word}:{k}": (p / base.scale).astype(np.float16) for k, p in lamps.items()}
+        return found
+
+    arrays = kept_on_disk(cache / f"{key[:32]}.npz", made)
+    inner = base.frame
+    fine = {}
+    for name, plane in base.fine.items():
+        whole = np.zeros((n * (h + 2 * m), n * (w + 2 * m), plane.shape[2]), plane.dtype)
+        whole[n * m : n * (m + h), n * m : n * (m + w)] = plane[inner]
+        for word, (rows, columns) in strips.items():
+            if f"{word}:{name}" in arrays:
+                there = tuple(slice(n * (x.start + m), n * (x.stop + m)) for x in (rows, columns))
+                whole[there] = arrays[f"{word}:{name}"]
+        fine[name] = whole
+    others = tuple(widened(x, margin, render, settings, cache) for x in base.elsewhere)
+    return replace(base, fine=fine, margin=margin, elsewhere=others)
+
+
+def _lamps(base: Rendered, eye: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:
+    """What each lamp gives on the finer grid of ``eye``, (n h, n w, 3)."""
+    n, bounces = base.finer, bool(settings.get("indirect"))
+    finely = eye.resized(n * eye.sensor.resolution[0])
+    direct = render(base.scene, finely, SURFACES, True, n**2, Paths.DIRECT)
+    lamps = {k.removeprefix("light:"): p for k, p in direct.passes.items() if k.startswith("light:")}
+    if bounces:
+        reflected(lamps, direct, render(base.scene, eye, (*SURFACES, "indirect"), True, 1, Paths.REFLECTED))
+    return lamps
