@@ -1,6 +1,9 @@
 """Property tests try the same examples in every run, so that a red run can be had again; others with
 ``pytest --hypothesis-profile=explore``."""
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as many tests run as there are cores: threads would wait
 import interchange  # noqa: F401  before NumPy (interchange.blas)
 
 from hypothesis import settings  # isort: skip

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.gap.expected import SATURATED, Expected, Noise, expected
 from analysis.gap.fine_optics import told_apart
 from analysis.gap.parallel import own_property
-from analysis.gap.radiance import Changes, Rendered
+from analysis.gap.radiance import Rendered
 from analysis.gap.views import seen
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
@@ -39,6 +39,7 @@ class Condition:
         default_factory=dict
     )  # DN rms of lines that were evened, by axis (lines.py)
     noise: Noise | None = None  # where it is not the data sheet's
+    allowed: np.ndarray | None = None  # (H, W) bool: what is ``compared``, where another rendering told it
 
     @property
     def name(self) -> str:
@@ -53,6 +54,13 @@ class Condition:
         if self.rendered is None:
             raise BrightfieldError("A condition must be rendered before it is compared.")
         return self.rendered
+
+    @own_property
+    def moved(self) -> "Condition":
+        """The same from where its camera was found to stand, if it was rendered from there."""
+        if self.shown.moved is None:
+            return self
+        return replace(self, rendered=self.shown.moved, allowed=self.compared)
 
     @property
     def lamps(self) -> tuple[str, ...]:
@@ -79,7 +87,7 @@ class Condition:
     @own_property
     def compared(self) -> np.ndarray:
         """(H, W) bool: pixels that the scene file's own simulation lets compare."""
-        return self.usable(self.simulated())
+        return self.usable(self.simulated()) if self.allowed is None else self.allowed
 
     @own_property
     def above_zero(self) -> np.ndarray:
@@ -97,18 +105,6 @@ class Condition:
         hot = (simulation.dn.max(axis=2) >= limit) | (self.mean.max(axis=2) >= limit)
         wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
         return np.asarray(self.mask & ~wide)
-
-
-def with_renderings(
-    found: Sequence[Condition], there: dict[str, Rendered], standing: Changes
-) -> list[Condition]:
-    """Conditions with further renderings ``there`` {name: rendering} where effects ``standing`` are in force; those
-    that share a rendering share the further one."""
-    both: dict[int, Rendered] = {}
-    for c in found:
-        if id(c.shown) not in both:
-            both[id(c.shown)] = replace(c.shown, elsewhere=(replace(there[c.name], standing=standing),))
-    return [replace(c, rendered=both[id(c.shown)]) for c in found]
 
 
 def conditions(captures: Captures, document: Document) -> list[Condition]:

@@ -1,16 +1,15 @@
 """From captures and a scene to a diagnosis: where the simulation is wrong, what causes it, how far it shrinks."""
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from analysis.gap.anew import Anew, rendered_anew
 from analysis.gap.attribution import (
     Told,
     attribution,
@@ -22,7 +21,7 @@ from analysis.gap.binned import binned_captures, binned_document
 from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
 from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
-from analysis.gap.conditions import Condition, conditions, must_fit, with_renderings
+from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
 from analysis.gap.edges import offsets
@@ -40,7 +39,6 @@ from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
-from analysis.gap.margin import with_margins
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.noise import WEIGHING, noise_findings, with_black_level, with_noise
@@ -49,9 +47,8 @@ from analysis.gap.normal_equations import NormalEquations, equations, stride_for
 from analysis.gap.notes import notes
 from analysis.gap.overlap import must_overlap, with_files_bits
 from analysis.gap.own_pixels import edges_of_own_pixels, note, of_own_pixels
-from analysis.gap.parallel import each
-from analysis.gap.radiance import Changes, Render, render_all
-from analysis.gap.redrawn import redrawn
+from analysis.gap.parallel import each, one_thread
+from analysis.gap.radiance import Render, render_all
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import Yardstick, yardstick
@@ -79,14 +76,7 @@ class Diagnosed:
         return tuple(c for c in self.conditions if c.held_out)
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Matrices are small: threads would wait for each other."""
-    with threadpool_limits(1, "blas"):
-        yield
-
-
-@_one_thread()
+@one_thread()
 def diagnose(
     captures: Captures,
     document: Document,
@@ -125,21 +115,17 @@ def diagnose(
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
 
-    def redraw(some: Sequence[Condition], standing: Changes, beyond: dict[str, float]) -> list[Condition]:
+    as_rendered = {c.name: c.shown for c in evened}
+
+    def redraw(some: Sequence[Condition], anew: Anew) -> list[Condition]:
         told("rendering anew", 0.0)
-        if standing:
-            bases = {id(c.shown): c.shown for c in evened}
-            there = {k: redrawn(base, standing, render, settings, cache) for k, base in bases.items()}
-            some = with_renderings(some, {c.name: there[id(c.shown)] for c in evened}, standing)
-        return with_margins(some, beyond, render, settings, cache)
+        return rendered_anew(some, as_rendered, anew, render, settings, cache)
 
     def stood(
         some: Sequence[Condition],
     ) -> tuple[list[Condition], Fit, list[np.ndarray], list[NoiseFinding]]:
         fitted = fit([c for c in some if not c.held_out], captures.tolerances, told, knots, redraw)
-        there = list(some)
-        if fitted.redrawn or fitted.beyond:
-            there = redraw(some, fitted.redrawn, fitted.beyond)
+        there = redraw(some, fitted.anew) if fitted.anew.is_there else list(some)
         told("verdict", 0.0)
         fitted = less_what_is_slight(no_worse([c for c in there if not c.held_out], fitted))
         held = [c for c in there if c.held_out]

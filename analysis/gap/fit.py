@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from analysis.gap.anew import Anew
 from analysis.gap.aperture import without_apertures
 from analysis.gap.belief import believed, gained, in_its_place, posterior
 from analysis.gap.camera_terms import camera_terms
@@ -27,8 +28,7 @@ from analysis.gap.material_terms import material_terms
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.numbers import numbers
-from analysis.gap.parallel import each
-from analysis.gap.radiance import Changes
+from analysis.gap.parallel import each, one_thread
 from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares, told_apart
@@ -40,7 +40,7 @@ from analysis.gap.terms import Cause, Term
 from analysis.gap.turned import alike
 from interchange.captures import Tolerances
 
-Redraw = Callable[[Sequence[Condition], Changes, dict[str, float]], list[Condition]]
+Redraw = Callable[[Sequence[Condition], Anew], list[Condition]]
 
 STARTS = 4
 CLEAR = 3.0  # times what is hoped for without a move: a move that gains more ends the search for others
@@ -73,10 +73,7 @@ class Fit:
         0.0,
         0.0,
     )  # share beyond what was expected, probability that it has a cause
-    redrawn: Changes = ()  # effects of the scene that captures were rendered anew with
-    beyond: dict[str, float] = field(
-        default_factory=dict
-    )  # px that each camera sees of what is outside the frame
+    anew: Anew = field(default_factory=Anew)  # what captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
     severity: dict[Cause, np.ndarray] = field(
@@ -128,6 +125,7 @@ class Fit:
         return tuple(c for c in self.best.causes if c in self.cautions and self.cautions[c].tail >= PRESENT)
 
 
+@one_thread()
 def fit(
     conditions: Sequence[Condition],
     tolerances: Tolerances,
@@ -153,15 +151,14 @@ def fit(
         chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
-    far, beyond, kept = search.far(chosen), search.beyond(chosen), first.kept
-    if redraw is not None and (
-        far or beyond
-    ):  # before tolerances look larger by what light does between surfaces
-        search = search.elsewhere(redraw(conditions, far, beyond))
+    anew, kept = search.anew(chosen), first.kept
+    if redraw is not None and anew.is_there:
+        # before tolerances look larger by what light does between surfaces
+        search = search.elsewhere(redraw(conditions, anew))
         chosen, kept = search.gone_on(search.stand(chosen.at, {}, "evidence", {}), "fit anew"), {}
     if chosen is not first:
         chosen = no_surer_than_at_home(first, _rescaled(search, kept, chosen))
-    return replace(_fit(search, chosen), redrawn=far, beyond=beyond, factors=search.widths.factors)
+    return replace(_fit(search, chosen), anew=anew, factors=search.widths.factors)
 
 
 def _gain(stand: Stand) -> float:

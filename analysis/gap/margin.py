@@ -4,14 +4,12 @@ scene file's, or a camera that looks aside, images what the file's would not.
 Rendered as strips around what there is, on the finer grid alone, of the width that is asked for.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from analysis.gap.conditions import Condition
 from analysis.gap.radiance import (
     FINE,
     SURFACES,
@@ -51,25 +49,9 @@ def margin_for(far: float, camera: Camera) -> int:
     return min(int(np.ceil(far)) + SPARE, most) if far > LEAST else 0
 
 
-def with_margins(
-    found: Sequence[Condition],
-    beyond: dict[str, float],
-    render: Render,
-    settings: dict[str, Any],
-    cache: Path,
-) -> list[Condition]:
-    """Conditions whose renderings have what lies ``beyond`` {camera: px} the frame; those that share one share it."""
-    wide: dict[int, Rendered] = {}
-    for c in found:
-        if id(c.shown) not in wide:
-            margin = margin_for(beyond.get(c.camera.name, 0.0), c.camera)
-            wide[id(c.shown)] = widened(c.shown, margin, render, settings, cache)
-    return [replace(c, rendered=wide[id(c.shown)]) for c in found]
-
-
 def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any], cache: Path) -> Rendered:
-    """``base`` and what it has ``elsewhere``, with ``margin`` pixels around. Without a finer grid there are none. Kept
-    in ``cache``."""
+    """``base`` and what it has beside it, with ``margin`` pixels around. Without a finer grid there are none. Kept in
+    ``cache``."""
     if not base.fine or margin <= base.margin:
         return base
     m, n, (w, h) = margin, base.finer, base.camera.sensor.resolution
@@ -102,7 +84,8 @@ def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any
                 whole[there] = arrays[f"{word}:{name}"]
         fine[name] = whole
     others = tuple(widened(x, margin, render, settings, cache) for x in base.elsewhere)
-    return replace(base, fine=fine, margin=margin, elsewhere=others)
+    moved = base.moved and widened(base.moved, margin, render, settings, cache)
+    return replace(base, fine=fine, margin=margin, elsewhere=others, moved=moved)
 
 
 def _lamps(base: Rendered, eye: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:

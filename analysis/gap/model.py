@@ -55,10 +55,11 @@ class Model:
     beside: "Model | None" = None
 
     def state(self, condition: Condition, stride: int = 1, symmetric: bool = False) -> State:
+        seen = self.seen(condition)
         return State(
-            condition,
+            seen,
             self.effects(condition),
-            self.flow(condition),
+            self.flow(seen),
             stride,
             symmetric,
             self.scene,
@@ -84,9 +85,28 @@ class Model:
         """Of the light that the renderer does not draw."""
         return sum(float(x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "reflected")
 
+    def seen(self, condition: Condition) -> Condition:
+        """The condition from where its camera stands, as far as it was rendered from near there."""
+        moved = condition.shown.moved
+        if moved is None:
+            return condition
+        both = [
+            (float(x) / t.spike, moved.pose[t.key] / t.spike)
+            for t, x in zip(self.terms, self.at, strict=True)
+            if t.key in moved.pose
+        ]
+        nearer = 2 * sum(x * p for x, p in both) > sum(p * p for _, p in both)
+        return condition.moved if nearer else condition
+
     def flow(self, condition: Condition) -> np.ndarray | None:
-        """(H, W, 2) px that the image moves by; conditions that share a rendering share it."""
-        moving = [(t, x) for t, x in zip(self.terms, self.at, strict=True) if t.kind == "flow" and x]
+        """(H, W, 2) px that the image moves by, from what was rendered; conditions that share a rendering share it."""
+        rendered = condition.shown.pose
+        moving = [
+            (t, x - rendered.get(t.key, 0.0))
+            for t, x in zip(self.terms, self.at, strict=True)
+            if t.kind == "flow"
+        ]
+        moving = [(t, x) for t, x in moving if x]
         if not moving:
             return None
         key = id(condition.shown)

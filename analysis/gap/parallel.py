@@ -5,12 +5,15 @@ What a graphics context draws is drawn by the thread that the work was asked by,
 
 import functools
 import os
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import zip_longest
 from queue import SimpleQueue
 from threading import local
 from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -32,6 +35,13 @@ class own_property(functools.cached_property[T]):
         if self.attrname not in kept:
             kept[self.attrname] = self.func(instance)
         return kept[self.attrname]
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """BLAS works alone: matrices are small, and threads would wait for each other."""
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def each(

@@ -35,6 +35,7 @@ SURFACES = ("object_id", "material_id", "normal")  # what tells them apart on th
 FINE = 3  # odd: the middle of a pixel is the middle of one of its parts
 MOST = 300e6  # bytes of a rendering on the fine grid; what needs more is made on the sensor's own
 TRACED = 500_000  # pixels that reflected light is traced for at most, where it is not part of what is drawn
+Key = tuple[str, str, str]  # of a term: its cause, what that is about, and its parameter
 Changes = tuple[tuple[Effect, str], ...]  # effects of the scene, each with what it is about
 
 
@@ -61,7 +62,8 @@ class Rendered:
     (H, W, 3). ``fine``: the lamps (n H, n W, 3) float16 over ``scale``, on a grid n times finer, with ``margin`` pixels
     around; none where that would be too much. ``coarse``: how many of the sensor's pixels
     along a side are one here, which ``origin`` has apart. ``elsewhere``: the same with effects of the scene in force,
-    ``standing``, that a difference of direct light does not tell.
+    ``standing``, that a difference of direct light does not tell. ``moved``: the same from where the camera stands with
+    ``pose`` {term: its value} (analysis.gap.anew).
     """
 
     scene: Scene
@@ -82,6 +84,8 @@ class Rendered:
     elsewhere: tuple["Rendered", ...] = ()
     leaning: dict[str, np.ndarray] = field(default_factory=dict)
     margin: int = 0  # px (analysis.gap.margin)
+    moved: "Rendered | None" = None
+    pose: "Mapping[Key, float]" = field(default_factory=dict)
 
     @property
     def finer(self) -> int:

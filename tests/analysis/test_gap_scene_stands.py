@@ -9,7 +9,7 @@ import pytest
 
 from analysis.gap import knot_terms as knot_terms_of
 from analysis.gap.approach import Approach, approached_beside, approaches
-from analysis.gap.conditions import Condition, with_renderings
+from analysis.gap.conditions import Condition
 from analysis.gap.fit import fit
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.knot_terms import knot_terms, standing, together
@@ -96,8 +96,7 @@ def test_what_was_rendered_anew_is_what_is_simulated_there(found, knots) -> None
     """Where all of that is in force; from there on by differences, and not at all where something else is."""
     c, standing = found[0], ((MOVED, BRACKET),)
     twice = replace(c.shown, lamps={n: 2 * L for n, L in c.shown.lamps.items()})
-    anew, again = with_renderings([c, c], {c.name: twice}, standing)
-    assert anew.shown is again.shown
+    anew = replace(c, rendered=replace(c.shown, elsewhere=(replace(twice, standing=standing),)))
     lamp = next(iter(c.shown.lamps))
     assert np.array_equal(State(anew, scene=standing, knots=knots).shown.lamps[lamp], twice.lamps[lamp])
     assert np.array_equal(State(anew).shown.lamps[lamp], c.shown.lamps[lamp])
@@ -160,7 +159,7 @@ def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterize
     captured = drawn(found[::2], rasterizer, MOVED)
     assert BRACKET in standing(captured)
 
-    def never(some, standing, beyond) -> list[Condition]:
+    def never(some, anew) -> list[Condition]:
         raise AssertionError("a cause alone needs no renderings anew")
 
     done = fit(captured, Tolerances(), knots=knots, redraw=never)

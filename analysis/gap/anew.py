@@ -1,0 +1,78 @@
+"""What captures are rendered anew with once it is known where the image stands, and the conditions that have it.
+
+A camera that moved by pixels uncovers what the rendering hides, and a first-order motion bends it; effects of the
+scene change the light between surfaces; a lens images what lies beyond the frame. Each is kept beside what the scene
+file says (``Rendered.moved``, ``Rendered.elsewhere``), and a model takes what is nearest to where it stands.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from analysis.gap.conditions import Condition
+from analysis.gap.geometry_terms import stand
+from analysis.gap.margin import margin_for, widened
+from analysis.gap.radiance import Changes, Key, Render, Rendered, render_all
+from analysis.gap.redrawn import redrawn
+from interchange.effects.camera_pose import CameraPose
+
+Pose = dict[Key, float]  # camera_pose's terms, of one stand
+
+
+@dataclass(frozen=True)
+class Anew:
+    """``standing``: effects of the scene. ``poses`` {stand: its pose}: cameras that moved. ``beyond`` {camera: px}: how
+    far outside the frame the image lies where it is furthest."""
+
+    standing: Changes = ()
+    poses: Mapping[str, Pose] = field(default_factory=dict)
+    beyond: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def is_there(self) -> bool:
+        return bool(self.standing or self.poses or self.beyond)
+
+
+def rendered_anew(
+    found: Sequence[Condition],
+    written: Mapping[str, Rendered],
+    anew: Anew,
+    render: Render,
+    settings: dict[str, Any],
+    cache: Path,
+) -> list[Condition]:
+    """Conditions with what is rendered anew beside what was ``written`` {name: what the scene file says}; those that
+    share a rendering share the new ones."""
+    made: dict[int, Rendered] = {}
+    out = []
+    for c in found:
+        base = written[c.name]
+        if id(base) not in made:
+            new = _standing(base, anew.standing, render, settings, cache)
+            pose = anew.poses.get(stand(c))
+            if pose:
+                moved = _standing(
+                    seen_from(base, pose, render, settings, cache), anew.standing, render, settings, cache
+                )
+                new = replace(new, moved=moved)
+            margin = margin_for(anew.beyond.get(c.camera.name, 0.0), c.camera)
+            made[id(base)] = widened(new, margin, render, settings, cache)
+        out.append(replace(c, rendered=made[id(base)]))
+    return out
+
+
+def seen_from(base: Rendered, pose: Pose, render: Render, settings: dict[str, Any], cache: Path) -> Rendered:
+    """``base`` from where its camera stands with ``pose``. Kept in ``cache``."""
+    effect = CameraPose(**{parameter: x for (_, _, parameter), x in pose.items()})
+    there = effect.on_scene(replace(base.scene, cameras=(base.camera,)))
+    (shown,) = render_all([(base.scene, there.cameras[0])], render, settings, cache)
+    return replace(shown, pose=pose)
+
+
+def _standing(
+    base: Rendered, standing: Changes, render: Render, settings: dict[str, Any], cache: Path
+) -> Rendered:
+    if not standing:
+        return base
+    return replace(base, elsewhere=(redrawn(base, standing, render, settings, cache),))
