@@ -14,6 +14,7 @@ from analysis.gap.evidence import ENOUGH, TAU
 from analysis.gap.fit import Fit
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.hot_pixels import HOT
+from analysis.gap.material_terms import IN_PLACES, SEEN_TWICE
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.shrinkage import Gap
@@ -87,7 +88,7 @@ def _targets(fitted: Fit, own: Sequence[Cause]) -> tuple[str, ...]:
     if any(t.kind == "chain" or t.camera for t in terms):
         return ()  # of cameras, which are told by themselves
     several = any(t.target for t in terms)
-    of = [(name, target.partition(", ")[0]) for name, target in own]  # "paint, in places" is paint
+    of = [(name, target.removesuffix(IN_PLACES).removesuffix(SEEN_TWICE)) for name, target in own]
     named = [called(target) if target else EVERY.get(name, "") if several else "" for name, target in of]
     return tuple(dict.fromkeys(named)) if all(named) else ()
 

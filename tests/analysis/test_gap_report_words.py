@@ -8,6 +8,7 @@ import pytest
 
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
+from analysis.gap.findings import _targets
 from analysis.gap.report_words import evidence, interval, kinds, sentence, what_is_left, why, why_not
 from analysis.gap.structure import Structure
 from interchange.effects import MODELS
@@ -141,3 +142,15 @@ def test_what_is_left_is_noise_or_is_not(left: Structure, said: tuple[str, str],
     words = what_is_left(found)
     assert all(w in words for w in said)
     assert ("no effect of light" in words) == noise
+
+
+def test_what_an_effect_is_of_is_told_whole() -> None:
+    """A camera where it stands has commas in its name; a pattern "in places" is its material's."""
+
+    def of(cause: str, target: str) -> tuple[str, ...]:
+        term = SimpleNamespace(cause=cause, target=target, kind="flow", camera="")
+        return _targets(SimpleNamespace(terms=[term]), [(cause, target)])  # type: ignore[arg-type]
+
+    assert of("camera_pose", "/World/Camera0 at (30, -390, 480) mm") == ("Camera0 at (30, -390, 480) mm",)
+    assert of("texture", "/World/Materials/cloth, in places") == ("cloth",)
+    assert of("texture", "/World/Materials/cloth, as other views show it") == ("cloth",)
