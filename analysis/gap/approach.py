@@ -263,6 +263,7 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
         coarse=n,
         origin=shown,
         elsewhere=(),
+        moved=None,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.anew import Anew, rendered_anew
+from analysis.gap.approach import _levels
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import geometry_terms, stand
 from analysis.gap.margin import MOST
@@ -139,3 +140,16 @@ def test_both_a_camera_and_what_it_cannot_see(found, terms, render, tmp_path: Pa
     assert wide[0].shown.margin == wide[0].shown.moved.margin > 3
     assert wide[0].shown.margin < MOST * 96
     assert wide[2].shown.margin == 0
+
+
+def test_means_over_pixels_are_of_what_the_file_says(found, terms, render, tmp_path: Path) -> None:
+    """What is approached from coarse to fine starts from home, whatever was rendered elsewhere."""
+    name = stand(found[0])
+    pose = {("camera_pose", name, "tx"): 12.0}
+    written = {c.name: c.shown for c in found}
+    there = rendered_anew(found, written, Anew(poses={name: pose}), render, SETTINGS, tmp_path)
+    search = Search(there, terms, None, lambda what, share: None)
+    at = at_pose(terms, name)
+    for level in _levels(search):
+        state = search.model(at, at).state(level.conditions[0])
+        assert state.shown.rest.shape[:2] == level.conditions[0].mean.shape[:2]
