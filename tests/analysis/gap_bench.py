@@ -62,10 +62,12 @@ class Rig:
         path.write_text(json.dumps({"scene": "../scene.usda", "captures": entries}))
         return captures_file.read(path)
 
-    def diagnosed(self, captures: Captures, out: str, binning: int = 1) -> Diagnosed:
+    def diagnosed(self, captures: Captures, out: str, binning: int = 1, reflected: bool = True) -> Diagnosed:
+        """``reflected``: whether light that the renderer leaves out is traced, which takes half of the time."""
         where = self.folder / out
         where.mkdir(exist_ok=True)
-        with renderer("realtime", 16 // binning**2, binning=binning) as (render, settings):
+        samples = 16 // binning**2
+        with renderer("realtime", samples, reflected, binning) as (render, settings):
             return diagnose(
                 captures,
                 self.document,

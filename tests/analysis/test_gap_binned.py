@@ -102,7 +102,7 @@ def test_numbers_are_told_of_own_pixels(effect: str, name: str, unit: str, times
 
 @pytest.fixture(scope="module")
 def found(rig: Rig) -> Diagnosed:
-    return rig.diagnosed(rig.captured("binned", (Defocus(blur=2.0),)), "binned", binning=2)
+    return rig.diagnosed(rig.captured("binned", (Defocus(blur=2.0),)), "binned", binning=2, reflected=False)
 
 
 def test_captures_that_are_binned_tell_the_same(rig: Rig, found: Diagnosed) -> None:
