@@ -5,19 +5,25 @@ scene change the light between surfaces; a lens images what lies beyond the fram
 file says (``Rendered.moved``, ``Rendered.elsewhere``), and a model takes what is nearest to where it stands.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import stand
-from analysis.gap.margin import margin_for, widened
+from analysis.gap.margin import beyond, margin_for, widened
+from analysis.gap.model import Model
 from analysis.gap.radiance import Changes, Key, Render, Rendered, render_all
 from analysis.gap.redrawn import redrawn
+from analysis.gap.terms import Term
 from interchange.effects.camera_pose import CameraPose
 
-Pose = dict[Key, float]  # camera_pose's terms, of one stand
+MOVED = 1.0  # px, from which on a camera that moved is rendered from where it stands
+POSE = CameraPose.name()
+Pose = dict[Key, float]  # its terms, of one stand
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,28 @@ class Anew:
         return bool(self.standing or self.poses or self.beyond)
 
 
+def wanted(found: Sequence[Condition], terms: Sequence[Term], at: np.ndarray, standing: Changes) -> Anew:
+    """What the conditions have to be rendered anew with where ``terms`` stand ``at`` (q,), beside ``standing``."""
+    arrangements = list({id(c.shown): c for c in found}.values())
+    own = np.array([t.cause == POSE for t in terms])
+    moves = Model(tuple(terms), at, np.where(own, at, 0.0))
+    poses: dict[str, Pose] = {}
+    for c in arrangements:
+        flow, name = moves.flow(c), stand(c)
+        if flow is not None and np.linalg.norm(flow, axis=-1).max() > MOVED:
+            poses[name] = {
+                t.key: float(x) for t, x in zip(terms, at, strict=True) if t.candidate == (POSE, name)
+            }
+    gone = {key for pose in poses.values() for key in pose}
+    rest = Model(tuple(terms), at, np.where([t.key in gone for t in terms], 0.0, at))
+    outside: dict[str, float] = {}
+    for c in arrangements:
+        far = beyond(rest.flow(c))
+        if margin_for(far, c.camera):
+            outside[c.camera.name] = max(outside.get(c.camera.name, 0.0), far)
+    return Anew(standing, poses, outside)
+
+
 def rendered_anew(
     found: Sequence[Condition],
     written: Mapping[str, Rendered],
@@ -41,14 +69,17 @@ def rendered_anew(
     render: Render,
     settings: dict[str, Any],
     cache: Path,
+    told: Callable[[float], None] = lambda share: None,
 ) -> list[Condition]:
     """Conditions with what is rendered anew beside what was ``written`` {name: what the scene file says}; those that
-    share a rendering share the new ones."""
+    share a rendering share the new ones. ``told(share)`` hears how much is done."""
+    total = len({id(written[c.name]) for c in found})
     made: dict[int, Rendered] = {}
     out = []
     for c in found:
         base = written[c.name]
         if id(base) not in made:
+            told(len(made) / total)
             new = _standing(base, anew.standing, render, settings, cache)
             pose = anew.poses.get(stand(c))
             if pose:

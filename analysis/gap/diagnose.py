@@ -118,8 +118,9 @@ def diagnose(
     as_rendered = {c.name: c.shown for c in evened}
 
     def redraw(some: Sequence[Condition], anew: Anew) -> list[Condition]:
-        told("rendering anew", 0.0)
-        return rendered_anew(some, as_rendered, anew, render, settings, cache)
+        return rendered_anew(
+            some, as_rendered, anew, render, settings, cache, lambda share: told("rendering anew", share)
+        )
 
     def stood(
         some: Sequence[Condition],

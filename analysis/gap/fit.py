@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from analysis.gap.anew import Anew
+from analysis.gap.anew import Anew, wanted
 from analysis.gap.aperture import without_apertures
 from analysis.gap.belief import believed, gained, in_its_place, posterior
 from analysis.gap.camera_terms import camera_terms
@@ -151,7 +151,7 @@ def fit(
         chosen = max(stands or [first], key=lambda s: s.best.score)
     if _gain(chosen) > max(CLEAR * _gain(first), WORTH) and _gain(first) > 0:
         chosen = beside_rivals(search, chosen)  # chosen where edges were too far off to tell
-    anew, kept = search.anew(chosen), first.kept
+    anew, kept = wanted(conditions, terms, chosen.at, search.far(chosen)), first.kept
     if redraw is not None and anew.is_there:
         # before tolerances look larger by what light does between surfaces
         search = search.elsewhere(redraw(conditions, anew))

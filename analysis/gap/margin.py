@@ -1,5 +1,5 @@
-"""What lies beyond the frame, where the image as found shows it: a lens that distorts less towards the middle than the
-scene file's, or a camera that looks aside, images what the file's would not.
+"""What lies beyond the frame, where the image as found shows it: a lens that draws its image further in than the scene
+file's, or a camera that looks aside, images what the file's would not.
 
 Rendered as strips around what there is, on the finer grid alone, of the width that is asked for.
 """
@@ -10,25 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gap.radiance import (
-    FINE,
-    SURFACES,
-    Paths,
-    Render,
-    Rendered,
-    drawn,
-    fingerprint,
-    kept_on_disk,
-    reflected,
-)
+from analysis.gap.radiance import FINE, Render, Rendered, drawn, finely_lit, fingerprint, kept_on_disk
 from analysis.gap.reach import cropped
 from interchange.camera import Camera
 
 LEAST = 1.0  # px: less is interpolation's own reach, and a registration's
 SPARE = 2  # px more than a fit shows, as it goes on from there
 MOST = 0.25  # of the image's shorter side: a fit that is further off is astray
-
-Strip = tuple[slice, slice]
 
 
 def beyond(flow: np.ndarray | None) -> float:
@@ -57,7 +45,7 @@ def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any
     m, n, (w, h) = margin, base.finer, base.camera.sensor.resolution
     camera = drawn(base.camera)
     scene = replace(base.scene, cameras=())
-    key = fingerprint((scene.bodies, scene.lights, camera, settings, FINE, "margin", m))
+    key = fingerprint((scene.bodies, scene.lights, camera, settings, FINE, base.scale, m))
     strips = {
         "above": (slice(-m, 0), slice(-m, w + m)),
         "below": (slice(h, h + m), slice(-m, w + m)),
@@ -68,7 +56,7 @@ def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any
     def made() -> dict[str, np.ndarray]:
         found: dict[str, np.ndarray] = {}
         for word, strip in strips.items():
-            lamps = _lamps(replace(base, scene=scene), cropped(camera, *strip), render, settings)
+            lamps, _ = finely_lit(scene, cropped(camera, *strip), n, render, bool(settings.get("indirect")))
             found |= {f"{word}:{k}": (p / base.scale).astype(np.float16) for k, p in lamps.items()}
         return found
 
@@ -86,14 +74,3 @@ def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any
     others = tuple(widened(x, margin, render, settings, cache) for x in base.elsewhere)
     moved = base.moved and widened(base.moved, margin, render, settings, cache)
     return replace(base, fine=fine, margin=margin, elsewhere=others, moved=moved)
-
-
-def _lamps(base: Rendered, eye: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:
-    """What each lamp gives on the finer grid of ``eye``, (n h, n w, 3)."""
-    n, bounces = base.finer, bool(settings.get("indirect"))
-    finely = eye.resized(n * eye.sensor.resolution[0])
-    direct = render(base.scene, finely, SURFACES, True, n**2, Paths.DIRECT)
-    lamps = {k.removeprefix("light:"): p for k, p in direct.passes.items() if k.startswith("light:")}
-    if bounces:
-        reflected(lamps, direct, render(base.scene, eye, (*SURFACES, "indirect"), True, 1, Paths.REFLECTED))
-    return lamps

@@ -344,6 +344,20 @@ def _leaning(
     return leanings(alone if shines else drawn, camera, surfaces(arrays), arrays["normal"])
 
 
+def finely_lit(
+    scene: Scene, eye: Camera, n: int, render: Render, bounces: bool
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What each lamp gives on a grid ``n`` times finer, (n H, n W, 3); and where the renderer's light ``bounces`` the
+    share of it that did, and the passes on ``eye``'s own."""
+    direct = render(scene, eye.resized(n * eye.sensor.resolution[0]), SURFACES, True, n**2, Paths.DIRECT)
+    lamps = {k.removeprefix("light:"): p for k, p in direct.passes.items() if k.startswith("light:")}
+    if not bounces:
+        return lamps, {}
+    around = render(scene, eye, (*PASSES, "indirect"), True, 1, Paths.REFLECTED)
+    passes = {k: p for k, p in around.passes.items() if k.split(":")[0] in PASSES}
+    return lamps, reflected(lamps, direct, around) | passes
+
+
 def reflected(lamps: dict[str, np.ndarray], direct: Image, around: Image) -> dict[str, np.ndarray]:
     """Adds to ``lamps`` (n H, n W, 3) what ``around`` (H, W) has of each one's reflected light; its share of the whole,
     (H, W, 3), as ``indirect:NAME``."""

@@ -16,16 +16,15 @@ from analysis.gap.knots import changed, lit_by, part_of
 from analysis.gap.radiance import (
     FINE,
     PASSES,
-    SURFACES,
     Changes,
     Paths,
     Render,
     Rendered,
     drawn,
+    finely_lit,
     fingerprint,
     kept_on_disk,
     pixels,
-    reflected,
     render_all,
 )
 from analysis.gap.reach import cropped
@@ -59,15 +58,8 @@ def _near(scene: Scene, base: Rendered, part: tuple[slice, slice] | None, render
     """The lamps' light on the finer grid, the reflected share, and the passes."""
     camera = drawn(base.camera)
     eye = cropped(camera, *part) if part else camera
-    n = base.finer
-    finely = eye.resized(n * eye.sensor.resolution[0])
-    direct = render(scene, finely, SURFACES, True, n**2, Paths.DIRECT)
-    around = render(scene, eye, (*PASSES, "indirect"), True, 1, Paths.REFLECTED)
-    lamps = {k.removeprefix("light:"): p for k, p in direct.passes.items() if k.startswith("light:")}
-    shares = reflected(lamps, direct, around)
-    passes = {k: p for k, p in around.passes.items() if k.split(":")[0] in PASSES}
-    fine = {f"fine:{k}": (p / base.scale).astype(np.float16) for k, p in lamps.items()}
-    return {**fine, **shares, **passes}
+    lamps, rest = finely_lit(scene, eye, base.finer, render, True)
+    return {f"fine:{k}": (p / base.scale).astype(np.float16) for k, p in lamps.items()} | rest
 
 
 def _far(before: Scene, after: Scene, base: Rendered, render: Render) -> Planes:

@@ -10,15 +10,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from analysis.gap.anew import Anew, Pose
 from analysis.gap.approach import Approach, approached_beside, approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
-from analysis.gap.geometry_terms import stand as stand_of
 from analysis.gap.knots import Knots, changed
-from analysis.gap.margin import beyond as outside
-from analysis.gap.margin import margin_for
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.parallel import each
@@ -37,8 +33,6 @@ ROUNDS, MOVES = 3, 2
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
-MOVED = 1.0  # px, from which on a camera that moved is rendered from where it stands
-POSE = "camera_pose"
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
@@ -301,41 +295,6 @@ class Search:
             return ()
         scene = self.model(stand.at, stand.at).scene
         return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
-
-    def anew(self, stand: Stand) -> Anew:
-        """What a stand's images have to be rendered anew with."""
-        poses = self._poses(stand)
-        gone = {key for pose in poses.values() for key in pose}
-        at = np.where([t.key in gone for t in self.terms], 0.0, stand.at)
-        beyond: dict[str, float] = {}
-        for c, far in self._outside(self.model(at, at)):
-            beyond[c.camera.name] = max(beyond.get(c.camera.name, 0.0), far)
-        return Anew(self.far(stand), poses, beyond)
-
-    def _outside(self, model: Model) -> list[tuple[Condition, float]]:
-        """px that images lie outside the frame by, where that is more than interpolation reaches."""
-        found = [(c, outside(model.flow(c))) for c in self._arrangements]
-        return [(c, far) for c, far in found if margin_for(far, c.camera)]
-
-    def _poses(self, stand: Stand) -> dict[str, Pose]:
-        """Of each camera's stand that moved by more than ``MOVED`` px anywhere."""
-        poses: dict[str, Pose] = {}
-        own = np.array([t.cause == POSE for t in self.terms])
-        model = self.model(stand.at, np.where(own, stand.at, 0.0))
-        for c in self._arrangements:
-            flow = model.flow(c)
-            if flow is not None and np.linalg.norm(flow, axis=-1).max() > MOVED:
-                name = stand_of(c)
-                poses[name] = {
-                    t.key: float(x)
-                    for t, x in zip(self.terms, stand.at, strict=True)
-                    if t.candidate == (POSE, name)
-                }
-        return poses
-
-    @property
-    def _arrangements(self) -> list[Condition]:
-        return list({id(c.shown): c for c in self.conditions}.values())
 
     def within(self, at: np.ndarray, index: np.ndarray) -> np.ndarray:
         """``at`` with the terms ``index`` at what they may be at least."""

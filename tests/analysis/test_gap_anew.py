@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis.gap.anew import Anew, rendered_anew
+from analysis.gap.anew import Anew, rendered_anew, wanted
 from analysis.gap.approach import _levels
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import geometry_terms, stand
@@ -63,9 +62,7 @@ def test_a_camera_that_moved_is_seen_from_where_it_stands(found, terms, render, 
     light; nearer to that than half the way the written one's is moved. The other camera is as it was."""
     name = stand(found[0])
     at = at_pose(terms, name)
-    search = Search(found, terms, None, lambda what, share: None)
-
-    anew = search.anew(SimpleNamespace(at=at, best=SimpleNamespace(causes=(("camera_pose", name),))))
+    anew = wanted(found, terms, at, ())
     assert list(anew.poses) == [name]
     assert anew.poses[name] == {
         t.key: x for t, x in zip(terms, at, strict=True) if t.candidate[1] == name and x
@@ -119,24 +116,25 @@ def test_a_little_further_from_there(found, terms, render, tmp_path: Path) -> No
 
 
 def test_what_is_near_needs_nothing(found, terms) -> None:
-    search = Search(found, terms, None, lambda what, share: None)
-    at = at_pose(terms, stand(found[0]), 0.05)
-    near = SimpleNamespace(at=at, best=SimpleNamespace(causes=()))
-    assert not search.anew(near).is_there
+    assert not wanted(found, terms, at_pose(terms, stand(found[0]), 0.05), ()).is_there
 
 
 def test_both_a_camera_and_what_it_cannot_see(found, terms, render, tmp_path: Path) -> None:
     name = stand(found[0])
     pose = {("camera_pose", name, "tx"): 12.0}
     written = {c.name: c.shown for c in found}
+    shares: list[float] = []
     wide = rendered_anew(
-        found,
+        [*found, found[0]],
         written,
         Anew(poses={name: pose}, beyond={found[0].camera.name: 3.0}),
         render,
         SETTINGS,
         tmp_path,
+        shares.append,
     )
+    assert wide[3].shown is wide[0].shown
+    assert shares == [k / len(shares) for k in range(len(shares))]
     assert wide[0].shown.margin == wide[0].shown.moved.margin > 3
     assert wide[0].shown.margin < MOST * 96
     assert wide[2].shown.margin == 0
