@@ -27,7 +27,7 @@ format: setup
 	$(BIN)/ruff format .
 
 bench: setup $(VENV)/.bench
-	@for name in rasterizer cycles per_light exposure brdf_cost pixel_fit; do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+	@for name in rasterizer cycles per_light exposure brdf_cost pixel_fit matrix_kernels; do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 # the figures of docs/truth.md; some ten minutes
 truth: setup

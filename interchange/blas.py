@@ -1,5 +1,6 @@
 """Matrix products as fast as the processor can: NumPy 1.26, which bpy asks for, comes with an OpenBLAS of 2023, and on
-Intel's processors since (Emerald Rapids and later) that takes the kernels of 2004, with a fifth of the speed.
+Intel's processors since (Emerald Rapids and later) that takes the kernels of 2004, with a fifth of the speed
+(benchmarks/matrix_kernels.py).
 
 It reads ``OPENBLAS_CORETYPE`` when NumPy is imported first. What a user has set stands.
 """
