@@ -2,6 +2,7 @@
 with captures (tests.analysis.gap_bench)."""
 
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +19,8 @@ from interchange.formats.document import open_scene
 from interchange.image import Image
 from interchange.scene import Scene
 from realtime.renderers.rasterizer import Rasterizer
-from tests.analysis.gap_bench import Rig, rig_in
+from tests.analysis.gap_bench import Rig, little_bench, rig_in
 
-BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
 WIDTH, HEIGHT = 128, 96
 Bench = Callable[[Path, dict[int, str], int], list[Condition]]
 
@@ -32,13 +32,22 @@ def rasterizer() -> Iterator[Rasterizer]:
 
 
 @pytest.fixture(scope="session")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Rig:
-    return rig_in(tmp_path_factory.mktemp("gap"))
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where renderings are kept under their content, for all workers of a run."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "renderings"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")
-def small_bench(rasterizer: Rasterizer) -> Bench:
-    """(folder, {time: camera}, spots of a pixel) to its conditions, rendered; ``folder/cache`` keeps what was."""
+def rig(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
+    return rig_in(tmp_path_factory.mktemp("gap"), kept)
+
+
+@pytest.fixture(scope="session")
+def small_bench(rasterizer: Rasterizer, kept: Path) -> Bench:
+    """(folder, {time: camera}, spots of a pixel) to its conditions, rendered."""
 
     def made(folder: Path, shots: dict[int, str], spots: int) -> list[Condition]:
         def render(
@@ -46,7 +55,7 @@ def small_bench(rasterizer: Rasterizer) -> Bench:
         ) -> Image:
             return rasterizer.render(scene, camera, passes, per_light, max(spots // parts, 1))
 
-        (folder / "scene.usda").write_text(BENCH.read_text().replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
+        little_bench(folder / "scene.usda", WIDTH, HEIGHT)
         for time in shots:
             images.write(folder / f"{time}.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
         entries = [
@@ -57,7 +66,7 @@ def small_bench(rasterizer: Rasterizer) -> Bench:
         bare = conditions(captures_file.read(folder / "captures.json"), open_scene(folder / "scene.usda"))
         bare = [replace(c, scene=replace(c.scene, lights=c.scene.lights[0:3:2])) for c in bare]
         views = [(c.scene, c.camera) for c in bare]
-        shown = render_all(views, render, {"renderer": "rasterizer", "samples": spots}, folder / "cache")
+        shown = render_all(views, render, {"renderer": "rasterizer", "samples": spots}, kept)
         return [replace(c, rendered=r) for c, r in zip(bare, shown, strict=True)]
 
     return made

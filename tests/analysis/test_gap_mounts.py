@@ -42,8 +42,8 @@ def found(tmp_path_factory, small_bench):
 
 
 @pytest.fixture(scope="module")
-def knots(tmp_path_factory, rasterizer) -> Knots:
-    return Knots(tmp_path_factory.mktemp("knots"), lambda: rasterizer)
+def knots(kept, rasterizer) -> Knots:
+    return Knots(kept, lambda: rasterizer)
 
 
 @pytest.mark.parametrize("axis", "xyz")

@@ -48,7 +48,7 @@ def test_on_a_large_sensor_it_is_traced_on_a_coarser_grid(rig: Rig, monkeypatch:
     for most in (width * height, width * height // 9):
         monkeypatch.setattr(radiance, "TRACED", most)
         with renderer("realtime", 16) as (render, settings):
-            found += radiance.render_all([(scene, camera)], render, settings, rig.folder / "cache")
+            found += radiance.render_all([(scene, camera)], render, settings, rig.cache)
     fine, coarse = found
     near = np.ones((7, 7), np.uint8)
     surface = radiance.surfaces(fine.passes).astype(np.float32)

@@ -108,7 +108,7 @@ def test_captures_do_not_tell_a_shift_of_the_image_from_a_turn(rig: Rig) -> None
     scenes = [off.on_scene(rig.document.scene(t), "/World/Camera0") for t in TIMES]
     views = [(s, s.camera(camera_at(t))) for s, t in zip(scenes, TIMES, strict=True)]
     with renderer("realtime", 16) as (render, settings):
-        moved = replace(rig, truth=render_all(views, render, settings, rig.folder / "cache"))
+        moved = replace(rig, truth=render_all(views, render, settings, rig.cache))
     given = conditions(moved.captured("a shift", ()), rig.document)
     shown = {(t, camera_at(t)): r for t, r in zip(TIMES, rig.truth, strict=True)}
     known = [replace(c, rendered=shown[c.captures[0].time, c.camera.name]) for c in given]

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +21,8 @@ from interchange.exposure import expose
 from interchange.formats.document import Document, open_scene
 from interchange.image import Image
 from interchange.parameter import parameter
+from tests.analysis.gap_bench import little_bench
 
-BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
 WIDTH, HEIGHT = 112, 84
 TIMES = (0, 1, 2, 4, 6, 10, 12)
 
@@ -52,7 +51,7 @@ class Pattern(Effect):
 @pytest.fixture(scope="module")
 def document(tmp_path_factory: pytest.TempPathFactory) -> Document:
     file = tmp_path_factory.mktemp("unknown") / "scene.usda"
-    file.write_text(BENCH.read_text().replace("(480, 360)", f"({WIDTH}, {HEIGHT})"))
+    little_bench(file, WIDTH, HEIGHT)
     return open_scene(file)
 
 
