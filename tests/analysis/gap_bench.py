@@ -30,11 +30,9 @@ EXPOSURE = dict.fromkeys((6, 7, 13), 0.5) | {10: 0.25}
 
 
 def little_bench(file: Path, width: int, height: int, without: Sequence[str] = ()) -> None:
-    """The bench for a sensor of a few px, without some of its lamps, into ``file``. Its ball, which has 9024 faces and
-    takes half of the time of every rendering, has 480 here."""
+    """The bench for a sensor of a few px, without some of its lamps and things, into ``file``. Its ball, which has
+    9024 faces and takes half of the time of every rendering, has 480 here."""
     stage = Usd.Stage.Open(str(BENCH))
-    for lamp in without:
-        stage.RemovePrim(f"/World/{lamp}")
     ball = UsdGeom.Mesh(stage.GetPrimAtPath("/World/ball"))
     points = np.array(ball.GetPointsAttr().Get())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -43,6 +41,8 @@ def little_bench(file: Path, width: int, height: int, without: Sequence[str] = (
     ball.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(coarse.vertex_normals.astype(np.float32)))
     ball.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(coarse.faces), 3, np.int32)))
     ball.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(coarse.faces.astype(np.int32).ravel()))
+    for name in without:
+        assert stage.RemovePrim(f"/World/{name}")
     text = stage.GetRootLayer().ExportToString()
     assert text.count("(480, 360)") == 2
     file.write_text(text.replace("(480, 360)", f"({width}, {height})"))
@@ -101,11 +101,13 @@ class Rig:
             )
 
 
-def rig_in(folder: Path, cache: Path) -> Rig:
-    little_bench(folder / "scene.usda", WIDTH, HEIGHT, without=("LED2", "LED3", "LED5"))
+def rig_in(folder: Path, cache: Path, without: Sequence[str] = (), reflected: bool = True) -> Rig:
+    """``without``: what the bench has besides three of its lamps; ``reflected``: whether it shows light by way of
+    surfaces."""
+    little_bench(folder / "scene.usda", WIDTH, HEIGHT, without=("LED2", "LED3", "LED5", *without))
     document = open_scene(folder / "scene.usda")
     views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, TIMES)]
-    with renderer("realtime", 16) as (render, settings):
+    with renderer("realtime", 16, reflected) as (render, settings):
         return Rig(folder, document, render_all(views, render, settings, cache), cache)
 
 
