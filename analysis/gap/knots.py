@@ -29,8 +29,9 @@ from realtime.renderers.rasterizer import Rasterizer
 
 LARGEST = 200_000  # px that a rendering has at most; differences of larger images are enlarged
 SENSITIVE = 60_000  # the same, of what tells a sensitivity alone, which one pixel in some is looked at
-# a pixel: of what shades, moves, has penumbrae; up to twice as many of smaller images
+# a pixel: of what shades, moves, has penumbrae; and times how many of smaller images at most
 SPOTS, MANY, SOFT = 8, 16, 64
+FINER = 2
 # texels along a side of a shadow map, eight a pixel in between: with 4096 steps of the bench's pin, bracket and lamps
 # differ by up to 1.5 % in amount, stands by up to 4 %, for one and a half to four times the time
 LEAST_SHADOWS, SHADOWS = 512, 2048
@@ -152,7 +153,7 @@ class Knots:
         camera = _small(shown.camera, most)
         width, height = camera.sensor.resolution
         spots = MANY if offset else max((_spots(effect) for effect, _ in effects), default=SPOTS)
-        spots = round(spots * float(np.clip(most / (width * height), 1, 2)))
+        spots = round(spots * float(np.clip(most / (width * height), 1, FINER)))
         before, after = lit_by(effects, replace(shown.scene, cameras=()), replace(after, cameras=()))
         both = (before.bodies, before.lights, after.bodies, after.lights)
         name = fingerprint((*both, drawn(camera), spots, SHADOWS, *([offset] if offset else [])))

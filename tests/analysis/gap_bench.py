@@ -5,11 +5,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import trimesh
 from pxr import Usd, UsdGeom, Vt
 
+from analysis.gap import knots
 from analysis.gap.conditions import Condition, conditions
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.expected import noise_variance
@@ -84,11 +86,15 @@ class Rig:
         return captures_file.read(path)
 
     def diagnosed(self, captures: Captures, out: str, binning: int = 1, reflected: bool = True) -> Diagnosed:
-        """``reflected``: whether light that the renderer leaves out is traced, which takes half of the time."""
+        """``reflected``: whether light that the renderer leaves out is traced. What things that move change is rendered
+        with half of the spots, as most of the time goes there."""
         where = self.folder / out
         where.mkdir(exist_ok=True)
         samples = 16 // binning**2
-        with renderer("realtime", samples, reflected, binning) as (render, settings):
+        with (
+            patch.object(knots, "FINER", 1),
+            renderer("realtime", samples, reflected, binning) as (render, settings),
+        ):
             return diagnose(
                 captures,
                 self.document,

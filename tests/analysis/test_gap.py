@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.gap import knots
 from analysis.gap.attribution import Attribution, claimed, lacking, without
 from analysis.gap.calling import confirmed, no_worse
 from analysis.gap.diagnose import Diagnosed
@@ -311,7 +312,10 @@ def test_a_correction_of_the_chain_equals_its_effect(vignetting: Diagnosed) -> N
     assert Model(fitted.terms, theta, theta).simulated(condition) == pytest.approx(expected, abs=1e-2)
 
 
-def test_the_command_writes_all_three(rig: Rig, null: Diagnosed, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_all_three(
+    rig: Rig, null: Diagnosed, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(knots, "FINER", 1)  # as the rig's, whose renderings are read
     data = json.loads((rig.folder / "null" / "captures.json").read_text())
     data["captures"] = [data["captures"][i] for i in (0, 2, 3, 7)]
     (rig.folder / "null" / "few.json").write_text(json.dumps(data))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.gap import knot_terms as knot_terms_of
+from analysis.gap import knots as knots_of
 from analysis.gap.approach import Approach, approached_beside, approaches
 from analysis.gap.conditions import Condition
 from analysis.gap.fit import fit
@@ -46,6 +47,12 @@ def found(folder: Path, small_bench) -> list[Condition]:
 @pytest.fixture(scope="module")
 def knots(kept: Path, rasterizer: Rasterizer) -> Knots:
     return Knots(kept, lambda: rasterizer)
+
+
+@pytest.fixture
+def coarser(monkeypatch) -> None:
+    """Half of the spots, for what takes hundreds of renderings."""
+    monkeypatch.setattr(knots_of, "FINER", 1)
 
 
 def drawn(found, rasterizer, effect) -> list[Condition]:
@@ -152,6 +159,7 @@ def test_sensitivities_are_kept_where_the_model_stands_near(found, knots) -> Non
     assert kept.of(np.array([2, 0])).columns[0] == pytest.approx(kept.columns[0])
 
 
+@pytest.mark.usefixtures("coarser")
 def test_an_object_that_lies_elsewhere_is_followed_there(found, knots, rasterizer, monkeypatch) -> None:
     """1.5 px away, which no single linearisation tells: named alone, and its place within a tenth of a px. By one
     capture of each camera; tilts, which have a test below, take half the time."""
@@ -191,6 +199,7 @@ def test_a_tilt_is_told_where_an_object_stands(found, knots, rasterizer, way) ->
         assert np.sqrt(np.mean((column - real) ** 2) / np.mean(real**2)) < 0.5
 
 
+@pytest.mark.usefixtures("coarser")
 def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) -> None:
     """12 px, more than the width of its sides, and turned by 6 degrees: within half a pixel, where what is linear
     holds; neither its size nor a lamp comes as near."""
@@ -216,6 +225,7 @@ def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) ->
     assert at["rz"] == pytest.approx(far.rz, abs=30)
 
 
+@pytest.mark.usefixtures("coarser")
 def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, rasterizer) -> None:
     """By 4 px and 2 px. Alone the object goes a part of the camera's way too, 3.6 mm aside; beside it it comes to where
     it lies within a quarter of a px."""
