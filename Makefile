@@ -14,7 +14,7 @@ demo: setup
 	$(BIN)/brightfield demo --out out/demo
 
 test: setup screen
-	$(BIN)/python -m pytest -n 2 --dist loadfile --durations=15
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=15
 
 lint: setup
 	$(BIN)/ruff check .

@@ -11,13 +11,13 @@ import numpy as np
 
 from interchange.brdf import Brdf
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats import gprims
 from interchange.frames import look_at
 from interchange.light import Light, LightKind
 from interchange.material import Material
 from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
 
-AROUND, ALONG = 256, 128
 LAMP = 5.0 * np.array([-0.55, -0.6, 0.58])
 FILL = 5.0 * np.array([0.7, -0.6, -0.4])
 EYE = np.array([0.0, -4.0, 0.0])
@@ -26,14 +26,7 @@ EYE = np.array([0.0, -4.0, 0.0])
 @cache
 def ball() -> Mesh:
     """A ball of radius 1 m whose poles are above and below; the tangent runs around it."""
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, AROUND + 1), np.linspace(0, np.pi, ALONG + 1), indexing="ij")
-    normals = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(AROUND), np.arange(ALONG), indexing="ij")
-    a = (i * (ALONG + 1) + j).ravel()
-    b = a + ALONG + 1
-    faces = np.concatenate([np.stack([a, a + 1, b], axis=1), np.stack([a + 1, b + 1, b], axis=1)])
-    uv = np.stack([u / 2 / np.pi, 1 - v / np.pi], axis=-1).reshape(-1, 2)
-    return Mesh(normals, faces.astype(np.int32), normals, uv)
+    return gprims.sphere(1.0, 256)
 
 
 def sphere_scene(brdf: Brdf) -> Scene:

@@ -13,6 +13,7 @@ import numpy as np
 from interchange.brdf.lafortune import Lafortune
 from interchange.brdf.lambert import Lambert
 from interchange.camera import Camera, Lens, Sensor
+from interchange.formats import gprims
 from interchange.frames import look_at
 from interchange.light import Light, LightKind
 from interchange.material import Material
@@ -30,18 +31,6 @@ def at(x: float, y: float, z: float) -> np.ndarray:
     return pose
 
 
-def ball(radius: float, rings: int) -> Mesh:
-    t, p = np.meshgrid(
-        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
-    )
-    n = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(rings), np.arange(2 * rings), indexing="ij")
-    a = (i * (2 * rings + 1) + j).ravel()
-    b = a + 2 * rings + 1
-    faces = np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
-    return Mesh(n * radius, faces.astype(np.int32), n)
-
-
 def scene() -> Scene:
     ground = Mesh(
         np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
@@ -52,7 +41,7 @@ def scene() -> Scene:
     return Scene(
         (
             Body("/ground", ground, Material("paper", Lambert(0.6))),
-            Body("/ball", ball(0.3, 158), Material("metal", metal), at(0, 0, 0.3)),
+            Body("/ball", gprims.sphere(0.3, 316), Material("metal", metal), at(0, 0, 0.3)),
         ),
         tuple(
             Light(f"/led{k}", LightKind.SPHERE, (1.0, 1, 1), at(0.8 - 0.8 * k, 0.3, 0.9)) for k in range(3)

@@ -22,7 +22,6 @@ from interchange.frames import camera_from_gl, look_at
 from interchange.lamps.projecting import projector
 from interchange.light import Light, LightKind
 from interchange.material import Material, Texture, Wrap
-from interchange.mesh import Mesh
 from interchange.scene import Body, Scene
 
 ROOT = Path(__file__).parents[1]
@@ -101,19 +100,6 @@ def aimed(place: tuple[float, float, float], target: tuple[float, float, float] 
     return np.asarray(look_at(np.array(place, float), np.array(target, float)) @ camera_from_gl)
 
 
-def ball(around: int = 96, along: int = 48) -> Mesh:
-    """Of radius 1, with coordinates of longitude and latitude."""
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, along + 1), indexing="ij")
-    normals = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], -1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(around), np.arange(along), indexing="ij")
-    a = (i * (along + 1) + j).ravel()
-    faces = np.concatenate(
-        [np.stack([a, a + 1, a + along + 1], 1), np.stack([a + 1, a + along + 2, a + along + 1], 1)]
-    )
-    uv = np.stack([u / 2 / np.pi, 1 - v / np.pi], -1).reshape(-1, 2)
-    return Mesh(normals, faces.astype(np.int32), normals, uv)
-
-
 def lit_table() -> Scene:
     """A table, a ball and a block under one lamp of each kind, and of each kind of beam."""
     files = ROOT / "assets" / "photometry"
@@ -148,7 +134,7 @@ def lit_table() -> Scene:
     metal = Lafortune((0.1,) * 3, weight=((0.8, 0.8, 0.8),), C=((-0.97, -0.97, 0.97),), n=(20,))
     bodies = (
         Body("/table", gprims.plane(2, 2), Material("matte", Lambert((0.5, 0.4, 0.3)))),
-        Body("/ball", ball(), Material("metal", metal), placed(-0.15, 0.05, 0.12, 0.12)),
+        Body("/ball", gprims.sphere(1.0), Material("metal", metal), placed(-0.15, 0.05, 0.12, 0.12)),
         Body("/block", gprims.box(0.15), Material("white", Lambert((0.8,) * 3)), placed(0.2, -0.1, 0.075)),
     )
     return Scene(bodies, lamps)
@@ -159,7 +145,7 @@ def balls() -> Scene:
     table = TabulatedGoniometer.drawn(np.random.default_rng(6))
     brdfs = [*(model(**model.example) for model in MODELS.values()), table]
     bodies = [Body("/floor", gprims.plane(4, 3), Material("matte", Lambert((0.3,) * 3)), placed(0, 0, -0.13))]
-    mesh = ball()
+    mesh = gprims.sphere(1.0)
     for k, brdf in enumerate(brdfs):
         x, y = 0.27 * (k % 7 - 3), 0.27 * (k // 7 - 2)
         bodies.append(Body(f"/ball{k}", mesh, Material(f"model {k}", brdf), placed(x, y, 0, 0.12)))
@@ -193,7 +179,7 @@ def surfaces() -> Scene:
     glow = Material(
         "glow", Lambert((0.1,) * 3), emission_map=Texture(noise(3, 0, 0.5), (Wrap.BLACK, Wrap.REPEAT))
     )
-    mesh, sheet = ball(), gprims.plane(0.35, 0.35)
+    mesh, sheet = gprims.sphere(1.0), gprims.plane(0.35, 0.35)
     bodies = (
         Body("/floor", gprims.plane(2, 2), floor),
         Body("/bumpy", mesh, bumpy_paint, placed(-0.45, 0.1, 0.15, 0.15)),

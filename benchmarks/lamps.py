@@ -145,7 +145,7 @@ def picture(live, true) -> np.ndarray:
         Body("/floor", gprims.plane(0.3, 0.3), MATTE),
         Body(
             "/ball",
-            gprims.revolve([gprims.arc(0.008, 0.0, -np.pi / 2, np.pi / 2)]),
+            gprims.sphere(0.008),
             Material("gloss", CookTorrance(diffuse=0.1, s=0.5, m=0.15)),
             at(-0.012, 0.0, 0.008),
         ),

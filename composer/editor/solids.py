@@ -23,7 +23,7 @@ def solid(kind: str, size: Sequence[float]) -> Mesh:
         case "plane":
             mesh, extent = gprims.plane(1.0, 1.0), np.array([extent[0], extent[1], 1.0])
         case "sphere":
-            mesh = gprims.revolve([gprims.arc(0.5, 0.0, -np.pi / 2, np.pi / 2)])
+            mesh = gprims.sphere(0.5)
         case "cylinder":
             side = [gprims.line((0, -0.5), (0.5, -0.5)), gprims.line((0.5, -0.5), (0.5, 0.5))]
             mesh = gprims.revolve([*side, gprims.line((0.5, 0.5), (0, 0.5))])

@@ -26,7 +26,7 @@ def read_gprim(prim: Usd.Prim, time: Usd.TimeCode) -> Mesh | None:
     if prim.IsA(UsdGeom.Plane):
         return turned(plane(get("width"), get("length")), axis)
     if prim.IsA(UsdGeom.Sphere):
-        return revolve([arc(get("radius"), 0.0, -np.pi / 2, np.pi / 2)])
+        return sphere(get("radius"))
     if prim.IsA(UsdGeom.Cylinder):
         r, h = get("radius"), get("height") / 2
         return turned(revolve([line((0, -h), (r, -h)), line((r, -h), (r, h)), line((r, h), (0, h))]), axis)
@@ -49,17 +49,23 @@ def line(a: tuple[float, float], b: tuple[float, float]) -> Profile:
     return np.array([a, b], np.float64), np.array([n, n])
 
 
-def arc(radius: float, z: float, start: float, end: float) -> Profile:
-    t = np.linspace(start, end, max(2, round(SEGMENTS / 2 * (end - start) / np.pi) + 1))
+def arc(radius: float, z: float, start: float, end: float, segments: int = SEGMENTS) -> Profile:
+    """Of a circle of so many ``segments``; angles rad from r towards z."""
+    t = np.linspace(start, end, max(2, round(segments / 2 * (end - start) / np.pi) + 1))
     n = np.stack([np.cos(t), np.sin(t)], axis=1)
     points = radius * n + [0, z]
     points[np.abs(points[:, 0]) < 1e-12 * max(radius, 1e-30), 0] = 0.0
     return points, n
 
 
-def revolve(pieces: list[Profile]) -> Mesh:
+def sphere(radius: float, segments: int = SEGMENTS) -> Mesh:
+    """About the origin, its poles on z; ``segments`` round the equator."""
+    return revolve([arc(radius, 0.0, -np.pi / 2, np.pi / 2, segments)], segments)
+
+
+def revolve(pieces: list[Profile], segments: int = SEGMENTS) -> Mesh:
     """The surface that pieces of a profile sweep round z; each piece is smooth in itself, hard towards the next."""
-    phi = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    phi = np.linspace(0, 2 * np.pi, segments + 1)
     vertices: list[np.ndarray] = []
     normals: list[np.ndarray] = []
     uvs: list[np.ndarray] = []
@@ -69,7 +75,7 @@ def revolve(pieces: list[Profile]) -> Mesh:
     done = 0.0
     for points, normal in pieces:
         along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        k, s = len(points), SEGMENTS + 1
+        k, s = len(points), segments + 1
         cos, sin = np.cos(phi)[None], np.sin(phi)[None]
         for values, target in ((points, vertices), (normal, normals)):
             r, z = values[:, :1], values[:, 1:]

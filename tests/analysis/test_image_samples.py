@@ -8,25 +8,16 @@ import pytest
 from analysis.image_samples import samples_of_image, samples_of_series
 from interchange.brdf.lafortune import Lafortune
 from interchange.camera import Camera, Lens, Sensor
+from interchange.formats import gprims
 from interchange.frames import look_at
 from interchange.image import Image, Quantity
 from interchange.light import Light, LightKind
 from interchange.material import Material
-from interchange.mesh import Mesh
 from interchange.problems import BrightfieldError
 from interchange.scene import Body, Scene
 from realtime.renderers.rasterizer import Rasterizer
 
 PAINT = Lafortune((0.3, 0.2, 0.1), weight=[(0.6, 0.6, 0.6)], C=[(-1, -1, 1)], n=[10])
-
-
-def ball() -> Mesh:
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 161), np.linspace(0, np.pi, 81), indexing="ij")
-    n = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], -1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(160), np.arange(80), indexing="ij")
-    a = (i * 81 + j).ravel()
-    faces = np.concatenate([np.stack([a, a + 1, a + 81], 1), np.stack([a + 1, a + 82, a + 81], 1)])
-    return Mesh(0.1 * n, faces.astype(np.int32), n, None)
 
 
 def posed(x: float, y: float, z: float) -> np.ndarray:
@@ -49,7 +40,7 @@ def images() -> list[tuple[Image, Light]]:
         Light("/bulb", LightKind.SPHERE, (2.0, 2.0, 2.0), posed(-0.6, -0.3, 0.5)),
         Light("/sun", LightKind.DISTANT, (3.0, 2.0, 1.0), posed(0.1, -0.5, 1.0)),
     ]
-    bodies = (Body("/ball", ball(), Material("paint", PAINT)),)
+    bodies = (Body("/ball", gprims.sphere(0.1, 160), Material("paint", PAINT)),)
     with Rasterizer() as renderer:
         return [
             (

@@ -27,7 +27,7 @@ from realtime.renderers.rasterizer import Rasterizer
 TRUTH = Path(__file__).parents[2] / "assets/bench_sample"
 GEOMETRY = ("depth", "normal", "position", "object_id", "material_id")
 DIRECT = CyclesSettings(samples=64, max_bounces=0)
-BALL = gprims.revolve([gprims.arc(0.02, 0.0, -np.pi / 2, np.pi / 2)])
+BALL = gprims.sphere(0.02)
 METAL = Material("metal", Lafortune(0.1, [(1.2, 1.1, 1.0)], [(-0.98, -0.98, 0.9)], [25]))
 PAINT = Material("paint", Lambert((0.6, 0.3, 0.1)))
 GLOSS = Material("gloss", UsdPreviewSurface(diffuseColor=(0.2, 0.4, 0.6), roughness=0.4))

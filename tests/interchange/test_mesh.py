@@ -22,7 +22,7 @@ def area(points, triangles):
     ("mesh", "expected"),
     [
         (gprims.box(2.0), 8.0),
-        (gprims.revolve([gprims.arc(1.0, 0, -np.pi / 2, np.pi / 2)]), 4 / 3 * np.pi),
+        (gprims.sphere(1.0), 4 / 3 * np.pi),
         (gprims.revolve([gprims.line((0, -1), (1, -1)), gprims.line((1, -1), (0, 1))]), 2 / 3 * np.pi),
     ],
     ids=["box", "sphere", "cone"],
@@ -54,7 +54,7 @@ def test_without_uv_the_tangent_is_the_x_axis_laid_onto_the_surface():
 
 
 def test_smooth_normals_of_a_sphere_are_its_radii():
-    mesh = gprims.revolve([gprims.arc(1.0, 0, -np.pi / 2, np.pi / 2)])
+    mesh = gprims.sphere(1.0)
     keys, inverse = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)  # weld the seam
     n = smooth_normals(keys, inverse.reshape(-1)[mesh.faces])
     off = np.degrees(np.arccos(np.clip(np.sum(n * keys, axis=1), -1, 1)))

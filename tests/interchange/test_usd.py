@@ -20,7 +20,7 @@ from interchange.material import Material
 from interchange.problems import FileError, Severity
 from interchange.scene import Body, Scene
 
-BALL = gprims.revolve([gprims.arc(0.01, 0.0, -np.pi / 2, np.pi / 2)])
+BALL = gprims.sphere(0.01)
 HEAD = '#usda 1.0\n(\n    metersPerUnit = {unit}\n    upAxis = "{up}"\n    {more}\n)\n'
 
 

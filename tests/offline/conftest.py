@@ -7,6 +7,7 @@ import pytest
 
 from interchange.brdf import Brdf
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats import gprims
 from interchange.frames import look_at
 from interchange.light import Light
 from interchange.material import Material
@@ -45,15 +46,7 @@ class Build:
 
     @staticmethod
     def sphere(radius: float, rings: int = 96) -> Mesh:
-        t, p = np.meshgrid(
-            np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
-        )
-        n = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1).reshape(-1, 3)
-        i, j = np.meshgrid(np.arange(rings), np.arange(2 * rings), indexing="ij")
-        a = (i * (2 * rings + 1) + j).ravel()
-        b = a + 2 * rings + 1
-        faces = np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
-        return Mesh(n * radius, faces.astype(np.int32), n)
+        return gprims.sphere(radius, 2 * rings)
 
     @staticmethod
     def camera(eye: tuple[float, float, float], target: tuple[float, float, float], field: float = 40.0,

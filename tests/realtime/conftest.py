@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from interchange.camera import Camera, Lens, Projection, Sensor
+from interchange.formats import gprims
 from interchange.frames import look_at
 from interchange.mesh import Mesh
 from realtime.renderers.rasterizer import Rasterizer
@@ -33,16 +34,8 @@ def plane(width=1.0, height=1.0):
     return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.tile([0.0, 0, 1], (4, 1)), corner)
 
 
-def ball(around=64, along=32, radius=1.0):
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, along + 1), indexing="ij")
-    normals = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], -1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(around), np.arange(along), indexing="ij")
-    a = (i * (along + 1) + j).ravel()
-    faces = np.concatenate(
-        [np.stack([a, a + 1, a + along + 1], 1), np.stack([a + 1, a + along + 2, a + along + 1], 1)]
-    )
-    uv = np.stack([u / 2 / np.pi, 1 - v / np.pi], -1).reshape(-1, 2)
-    return Mesh(normals * radius, faces.astype(np.int32), normals, uv)
+def ball(segments=64, radius=1.0):
+    return gprims.sphere(radius, segments)
 
 
 def telecentric(eye, target, pixel=1e-5, resolution=(4, 4)):

@@ -140,7 +140,7 @@ def test_highlight_of_a_sphere(rasterizer, make):
         0.1, weight=((1.2, 1.0, 0.8), (0.2, 0.3, 0.4)), C=((-0.97, -0.97, 0.98), (0.7, 0.7, 0.6)), n=(40, 6)
     )
     lamp = np.array([0.8, -1.0, 1.5])
-    body = Body("/ball", make.ball(160, 80), Material("metal", brdf), np.diag([0.3, 0.3, 0.3, 1]))
+    body = Body("/ball", make.ball(160), Material("metal", brdf), np.diag([0.3, 0.3, 0.3, 1]))
     light = Light("/lamp", LightKind.SPHERE, (2.0, 3.0, 4.0), make.at(*lamp), casts_shadows=False)
     camera = make.pinhole((0, -1.2, 0.9), (0, 0, 0), (120, 90), 0.5)
     image = rasterizer.render(Scene((body,), (light,)), camera, ["position", "normal"], samples=1)

@@ -149,7 +149,7 @@ def test_isotropy_is_found_for_the_parameters_at_hand():
 def test_nothing_is_left_over_from_earlier_images(rasterizer, make):
     """The samples' buffer is cleared every 15 images only; what moved away is gone in each of 17 all the same."""
     glow = Material("glow", Lambert(0.0), emission=(1.0, 1.0, 1.0))
-    mesh = make.ball(16, 8, 0.2)
+    mesh = make.ball(16, 0.2)
     camera = make.pinhole((0, 0, 3), (0, 0, 0), (48, 36))
 
     def scene(k):

@@ -97,7 +97,7 @@ def test_penumbra(rasterizer, make, kind):
 
 def test_a_facet_does_not_shade_itself(rasterizer, make):
     """Under a lamp in every direction, what faces it and is hidden by nothing is fully lit, to the horizon of light."""
-    ball = Body("/ball", make.ball(96, 48, 0.2), WHITE, make.at(0, 0, 0.2))
+    ball = Body("/ball", make.ball(96, 0.2), WHITE, make.at(0, 0, 0.2))
     floor = Body("/floor", make.plane(3, 3), WHITE)
     for place in ((0.3, -0.2, 1.0), (1.2, 0, 0.35), (0.0, -0.4, 0.6)):
         light = Light("/lamp", LightKind.SPHERE, (1.0, 1.0, 1.0), make.at(*place))
@@ -201,7 +201,7 @@ def test_the_part_of_a_map_that_casts_is_enough(rasterizer, make, monkeypatch, k
 @pytest.mark.parametrize(("below", "lamp", "casts"), [(0, 1.0, False), (0, -1.0, True), (1, 1.0, True)])
 def test_a_floor_casts_no_shadow_on_what_stands_on_it(rasterizer, make, below, lamp, casts):
     """Unless the lamp is on its other side, or something is below."""
-    things = [Body("/thing", make.ball(16, 8, 0.1), WHITE, make.at(0.3, 0, z)) for z in (0.1, -0.3)]
+    things = [Body("/thing", make.ball(16, 0.1), WHITE, make.at(0.3, 0, z)) for z in (0.1, -0.3)]
     light = Light("/lamp", LightKind.SPHERE, (1.0, 1.0, 1.0), make.at(0, 0, lamp))
     scene = Scene((Body("/floor", make.plane(2.0), WHITE), *things[: 1 + below]), (light,))
     camera = make.telecentric((0, 0, 1), (0, 0, 0), 0.03, (16, 16))

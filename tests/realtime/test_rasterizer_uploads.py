@@ -65,7 +65,7 @@ def test_only_what_changed_is_uploaded(make):
 
 def test_instances_share_one_mesh(rasterizer, make):
     """A thousand balls of one mesh and material are one upload and one transform buffer."""
-    mesh, material = make.ball(8, 4, 0.02), Material("m")
+    mesh, material = make.ball(8, 0.02), Material("m")
     bodies = tuple(
         Body(f"/b{i}", mesh, material, make.at(i % 32 / 16 - 1, i // 32 / 16 - 1, 0)) for i in range(1000)
     )

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.sweep.carve import carve
 from analysis.sweep.defects import MODELS
-from interchange.formats.gprims import arc, box, revolve
+from interchange.formats.gprims import box, sphere
 from interchange.frames import apply
 from interchange.mesh import Mesh
 
@@ -112,7 +112,7 @@ def test_a_body_that_is_scaled_gets_the_same_defect():
 
 
 def test_on_a_ball_the_surface_stays_closed_and_uv_go_on():
-    mesh = revolve([arc(10e-3, 0.0, -np.pi / 2, np.pi / 2)])
+    mesh = sphere(10e-3)
     frame = np.eye(4)
     frame[2, 3] = -10e-3  # at the pole
     shape = MODELS["dent"](length=4.0, width=4.0, depth=0.3).footprint()

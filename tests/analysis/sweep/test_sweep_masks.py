@@ -108,9 +108,9 @@ def test_depth_and_normals_of_the_frame_show_the_hollow(live):
 
 
 def test_a_defect_moves_over_a_curved_surface_and_its_hollow_points_inwards(live):
-    from interchange.formats.gprims import arc, revolve
+    from interchange.formats.gprims import sphere
 
-    ball = Body("/Ball", revolve([arc(8e-3, 0.0, -np.pi / 2, np.pi / 2)]), Material("steel", Ggx()))
+    ball = Body("/Ball", sphere(8e-3), Material("steel", Ggx()))
     scene = Scene((ball,), (), SCENE.cameras)
     for x in (-4.0, 0.0, 4.0):
         placed, seen, _, _ = put(live, "dent", scene, "/Ball", x=x, y=1.0, length=2.0, width=2.0, depth=0.15)
