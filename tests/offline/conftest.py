@@ -1,6 +1,7 @@
 """One worker for the whole folder, and small scenes to show it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,7 +47,8 @@ class Build:
 
     @staticmethod
     def sphere(radius: float, rings: int = 96) -> Mesh:
-        return gprims.sphere(radius, 2 * rings)
+        """Without uv, so that tangents lie along the body's axes."""
+        return replace(gprims.sphere(radius, 2 * rings), uv=None)
 
     @staticmethod
     def camera(eye: tuple[float, float, float], target: tuple[float, float, float], field: float = 40.0,
