@@ -1,6 +1,6 @@
 """The sensor: EMVA 1288's linear model, and what the camera's electronics do with its digital numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -60,7 +60,9 @@ class Sensor:
     )
     full_well: float = parameter(1e4, "µ_e.sat", "e-", 1, 1e9, "electrons that read as the highest DN")
     bit_depth: int = 12
-    black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
+    black_level: float = parameter(
+        0.0, "µ_y.dark", "DN", -65535, 65535, "DN of no electrons; below 0 the converter cuts it off"
+    )
     read_noise: float = parameter(0.0, "σ_d", "e-", 0, 1e6, "temporal noise in the dark, rms")
     row_noise: float = parameter(0.0, "σ_row", "e-", 0, 1e6, "temporal noise that a row has in common, rms")
     column_noise: float = parameter(
@@ -158,6 +160,12 @@ class Sensor:
     def K(self) -> float:
         """EMVA 1288's overall system gain, DN/e-, of the converter's DN."""
         return float(10 ** (self.gain_dB / 20) * (2**self.bit_depth - 1 - self.black_level) / self.full_well)
+
+    def with_black_level(self, black_level: float) -> "Sensor":
+        """The same with another DN of no electrons: as many DN an electron, so that more or fewer of them read as the
+        highest DN. Raises ParameterError."""
+        moved = replace(self, black_level=black_level)
+        return replace(moved, full_well=self.full_well * moved.K / self.K)
 
 
 def _short(numbers: tuple[float, ...], most: int = 6) -> str:

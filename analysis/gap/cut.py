@@ -84,9 +84,10 @@ def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray]
 
 def _levels(sensor: Sensor) -> np.ndarray:
     dark = float(sigma(np.array(sensor.black_level), sensor))
-    low = sensor.black_level + dark * np.arange(-NEAR, 4 * NEAR, 1 / 8)
-    top = 2.0**sensor.bit_depth - 1
-    return np.unique(np.concatenate([low[low < top], np.geomspace(min(low[-1], top), top, BRIGHT)]))
+    low = dark * np.arange(-NEAR, 4 * NEAR, 1 / 8)
+    top = 2.0**sensor.bit_depth - 1 - sensor.black_level
+    above = np.concatenate([low[low < top], np.geomspace(min(low[-1], top), top, BRIGHT)])
+    return np.unique(sensor.black_level + above)
 
 
 def _phi(u: np.ndarray) -> np.ndarray:

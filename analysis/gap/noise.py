@@ -107,8 +107,8 @@ def with_black_level(conditions: Sequence[Condition], off: Mapping[str, float]) 
 
     def one(c: Condition) -> Condition:
         sensor = c.camera.sensor
-        black = float(np.clip(sensor.black_level + off[c.camera.name], 0, 2**sensor.bit_depth - 2))
-        return replace(c, camera=replace(c.camera, sensor=replace(sensor, black_level=black)))
+        black = min(sensor.black_level + off[c.camera.name], 2.0**sensor.bit_depth - 2)
+        return replace(c, camera=replace(c.camera, sensor=sensor.with_black_level(black)))
 
     return [one(c) if off.get(c.camera.name) else c for c in conditions]
 

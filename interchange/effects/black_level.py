@@ -1,4 +1,4 @@
-"""The DN of a pixel without electrons."""
+"""The DN of a pixel without electrons; all others are higher or lower by as much, as the gain stays."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,12 @@ class BlackLevel(Effect):
     pointwise = True
     carried_by = carried(black_level="sensor.black_level")
 
-    black_level: float = parameter(0.0, "µ_y.dark", "DN", 0, 65535, "DN of no electrons")
+    black_level: float = parameter(
+        0.0, "µ_y.dark", "DN", -65535, 65535, "DN of no electrons; below 0 the converter cuts it off"
+    )
+
+    def on(self, camera: Camera) -> Camera:
+        return replace(camera, sensor=camera.sensor.with_black_level(self.black_level))
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         return replace(image, pixels=image.pixels + np.float32(self.black_level))

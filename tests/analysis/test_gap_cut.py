@@ -49,6 +49,19 @@ def test_mean_and_variance_are_those_of_the_sensors_model(
     assert e.variance.mean() == pytest.approx(y.var(), rel=0.15 if response is Response.SRGB else 0.04)
 
 
+@pytest.mark.parametrize("light", [0.012, 0.02, 0.3])
+def test_a_level_below_nothing_cuts_off_what_little_light_brings(light: float) -> None:
+    """Black at DN -40, which 0.0128 of light lifts to 0; a rounded tail is no mean of its own: 0.05 DN."""
+    camera = _camera(-40, Response.LINEAR, 0)
+    image = Image(np.full(SHAPE, light, np.float32), Quantity.RADIANCE, camera)
+    e, y = (
+        expected(image.pixels, camera),
+        expose(image, camera, rng=np.random.default_rng(0)).pixels.astype(float),
+    )
+    assert e.dn.mean() == pytest.approx(y.mean(), abs=4 * y.std() / np.sqrt(y.size) + 0.05)
+    assert e.variance.mean() == pytest.approx(y.var(), rel=0.04)
+
+
 @pytest.mark.parametrize("u", [-3.0, -0.5, 0.0, 1.0, 5.0])
 def test_moments_are_those_of_a_censored_normal(u: float) -> None:
     def moment(n: int) -> float:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from interchange.camera import Camera, Sensor
+from interchange.effects.black_level import BlackLevel
 from interchange.effects.color_correction import ColorCorrection
 from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.jpeg import Jpeg, decoded
@@ -181,3 +182,18 @@ def test_a_jpeg_in_bands_is_the_whole_jpeg(height, subsampling):
 def test_a_response_rises_within_its_range(table):
     with pytest.raises(ParameterError, match=r"must rise and stay within \[0, 1\]; got"):
         Sensor(response="lut", response_lut=table)
+
+
+@pytest.mark.parametrize("level", [-74.0, 20.0])
+def test_another_black_level_moves_every_dn_alike(level):
+    """As many DN an electron as before: what is above the highest DN is cut off, and what is below 0."""
+    c = station(bit_depth=12, black_level=64)
+    for light in (0.0, 0.02, 0.3, 0.9, 2.0):
+        own = expose(even(np.full(3, light)), c).pixels
+        moved = expose(even(np.full(3, light)), c, effects=[BlackLevel(level)]).pixels
+        free = 64 + light * (4095 - 64)  # DN, before anything is cut off
+        assert own[0, 0, 0] == np.clip(np.rint(free), 0, 4095)
+        assert moved[0, 0, 0] == np.clip(np.rint(free + level - 64), 0, 4095)
+    assert BlackLevel(level).on(c).sensor.K == pytest.approx(c.sensor.K)
+    with pytest.raises(ParameterError, match="black_level"):
+        BlackLevel(4095.0).on(c)
