@@ -25,6 +25,7 @@ def chain(camera: Camera, given: Sequence[Effect] = ()) -> tuple[tuple[Effect, .
     for effect in given:
         camera = effect.on(camera)
     kinds = {type(effect) for effect in given}
+    # others are as the new camera has them where what is given says more of it than its own numbers
     one = any(kind.on is not Effect.on or SHARED & set(kind.carried_by.values()) for kind in kinds)
     own = [effect for effect in _own(camera if one else before) if type(effect) not in kinds]
     there = [effect for effect in (*own, *given) if effect.is_of_the_chain() and effect.is_there]

@@ -202,7 +202,7 @@ def test_a_tilt_is_told_where_an_object_stands(found, knots, rasterizer, way) ->
 @pytest.mark.usefixtures("coarser")
 def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) -> None:
     """12 px, more than the width of its sides, and turned by 6 degrees: within half a pixel, where what is linear
-    holds; neither its size nor a lamp comes as near."""
+    holds; nothing else comes as near."""
     far = ObjectPose(x=24.0, y=-16.0, rz=100.0)
     captured = drawn(found, rasterizer, far)
     search = Search(
@@ -210,13 +210,8 @@ def test_an_object_that_lies_far_away_is_approached(found, knots, rasterizer) ->
     )
     members: dict[tuple[str, str], list[int]] = {}
     for i, t in enumerate(search.terms):
-        if t.candidate in (
-            ("object_pose", BRACKET),
-            ("geometry", BRACKET),
-            ("light_position", "/World/LED0"),
-        ):
+        if t.cause in ("object_pose", "geometry", "light_position"):
             members.setdefault(t.candidate, []).append(i)
-    assert len(members) == 3
     nearest = approaches(search, {c: np.array(i) for c, i in members.items()})[0]
     assert nearest.cause == ("object_pose", BRACKET)
     at = {search.terms[i].parameter: nearest.at[i] for i in members[nearest.cause]}
@@ -247,10 +242,7 @@ def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, ra
     search = Search(captured, terms, knots, lambda what, share: None)
     members: dict[tuple[str, str], list[int]] = {}
     for i, term in enumerate(terms):
-        if term.cause == "camera_pose" or term.candidate in (
-            ("object_pose", BRACKET),
-            ("object_pose", "/World/pin"),
-        ):
+        if term.cause in ("object_pose", "camera_pose"):
             members.setdefault(term.candidate, []).append(i)
     causes = {c: np.array(i) for c, i in members.items()}
     one = next(a for a in approaches(search, causes) if a.cause == ("object_pose", BRACKET))
