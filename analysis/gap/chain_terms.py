@@ -20,6 +20,7 @@ from analysis.gap.uneven_blur import DRAWN, uneven
 from analysis.gap.uneven_optics import UnevenBlur
 from interchange.captures import Tolerances
 from interchange.effects import MODELS, Effect
+from interchange.effects.exposure import Exposure
 from interchange.parameter import Parameter, ParameterError, parameters
 
 NAMED = (
@@ -55,6 +56,7 @@ SENSOR = "sensor"  # what it is of
 LEAKING = 0.01
 SHADED = 0.5  # of its tolerance, that it may be uneven by: a guess, half of what may be wrong with all of it
 APART = 2.0  # times, from which on exposures tell it from the level
+SHORTEST = 0.01  # of an exposure that is set, that a shutter is open for
 VIBRATION = "vibration"  # a path that is as long in every exposure
 EVENLY = 1.2  # times, up to which exposures do not tell that
 TYPICAL = 0.01  # rms of an effect over the signal, at which its sensitivity is taken
@@ -215,10 +217,11 @@ def shutter_delay(conditions: Sequence[Condition], tolerances: Tolerances) -> li
         return []
 
     def field(s: State) -> np.ndarray:
-        return np.asarray(s.signal / np.float32(s.camera.t_exp))
+        now = next((e for e in s.effects if isinstance(e, Exposure)), Exposure.of(s.camera))
+        return np.asarray(s.signal / np.float32(max(s.camera.t_exp + now.delay, SHORTEST * s.camera.t_exp)))
 
-    spike = tolerances.light_intensity / 5 * min(times)
-    return [Term("exposure", "", DELAY, "s", spike, field, start=conditions[0].camera.sensor.exposure_delay)]
+    spike, start = tolerances.light_intensity / 5 * min(times), conditions[0].camera.sensor.exposure_delay
+    return [Term("exposure", "", DELAY, "s", spike, field, kind="chain", start=start)]
 
 
 def _across(down: Term, model: type[Effect]) -> Term:

@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 
+from analysis.gap import cut
 from analysis.gap.expected import SATURATED, Expected, Noise, expected
 from analysis.gap.fine_optics import told_apart
 from analysis.gap.parallel import own_property
@@ -18,6 +20,7 @@ from interchange.lamps.exposed import exposed
 from interchange.problems import BrightfieldError, FileError, Problem
 from interchange.scene import Scene
 
+AROUND = np.ones((7, 7), np.uint8)  # px
 CUT = 3.0  # standard deviations of noise that lie above DN 0
 HELD_OUT_SHARE = 4  # one condition in so many is held out
 
@@ -98,13 +101,22 @@ class Condition:
         return np.asarray((dn > CUT * np.sqrt(simulated.temporal)).all(axis=2))
 
     def usable(self, simulation: Expected) -> np.ndarray:
-        """(H, W) bool: inside the mask, and more than three pixels from what is saturated here or there."""
-        import cv2
-
+        """(H, W) bool: inside the mask, more than three pixels from what is saturated here or there, and not cut off at
+        DN 0."""
         limit = SATURATED * simulation.top
         hot = (simulation.dn.max(axis=2) >= limit) | (self.mean.max(axis=2) >= limit)
-        wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
-        return np.asarray(self.mask & ~wide)
+        wide = cv2.dilate(hot.astype(np.uint8), AROUND) > 0
+        return np.asarray(self.mask & ~wide & ~self.cut_off)
+
+    @own_property
+    def cut_off(self) -> np.ndarray:
+        """(H, W) bool: captured at DN 0 by a camera whose black level lies above all noise there, so that no lack of
+        light makes it: the black level lies lower, by that much at least, and how much nobody can tell there. Of whole
+        neighbourhoods, so that no noise is chosen by its sign."""
+        if cut.is_cut(self.camera.sensor):
+            return np.zeros(self.mask.shape, bool)
+        zero = (self.mean.min(axis=2) <= 0).astype(np.uint8)
+        return np.asarray(cv2.morphologyEx(zero, cv2.MORPH_OPEN, AROUND) > 0)
 
 
 def conditions(captures: Captures, document: Document) -> list[Condition]:

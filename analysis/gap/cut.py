@@ -48,6 +48,12 @@ def mean(linear: np.ndarray, sensor: Sensor, curve: ResponseCurve | None) -> np.
     return np.interp(linear, *table(sensor, curve))
 
 
+def slope(linear: np.ndarray, sensor: Sensor, curve: ResponseCurve | None) -> np.ndarray:
+    """By how much ``mean`` grows with ``linear``, over a DN."""
+    above, below = (mean(linear + x, sensor, curve) for x in (0.5, -0.5))
+    return np.asarray(above - below)
+
+
 def cut(linear: np.ndarray, s: np.ndarray) -> np.ndarray:
     u = linear / s
     return np.asarray(linear * ndtr(u) + s * _phi(u))

@@ -62,6 +62,26 @@ class Noise:
 
 def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
     """(H, W, C) float32: the mean DN of many frames, not rounded; what is cut off at DN 0 is (analysis.gap.cut)."""
+    return np.asarray(cut.mean(*_linear_dn(image, camera, effects)), np.float32)
+
+
+def dn_per_radiance(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
+    """(H, W, C) float32: by how much ``mean_dn`` of each pixel grows with its radiance, taken as if each pixel were
+    alone."""
+    one = replace(image, pixels=np.ones_like(image.pixels))
+    none = replace(image, pixels=np.zeros_like(image.pixels))
+    ends = [_linear_dn(x, camera, effects) for x in (one, none)]
+    _, sensor, curve = ends[0]
+    linear = ends[0][0] - ends[1][0]
+    if curve is not None or cut.is_cut(sensor):
+        linear = linear * cut.slope(*_linear_dn(image, camera, effects))
+    return np.asarray(linear, np.float32)
+
+
+def _linear_dn(
+    image: Image, camera: Camera, effects: Sequence[Effect]
+) -> tuple[np.ndarray, Sensor, ResponseCurve | None]:
+    """The DN before the curve and the cut, and what makes these."""
     through, camera = chain(camera, effects)
     curve = next((e for e in through if isinstance(e, ResponseCurve)), None)
     steps = steps_of(camera, [e for e in through if e.name() not in (*DRAWN_BY_LOT, "response_curve", "saturation")],
@@ -70,7 +90,7 @@ def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.
     for step in steps:
         if step.name != "rounding":
             out = step.function(out, None)
-    return np.asarray(cut.mean(out.pixels, camera.sensor, curve), np.float32)
+    return out.pixels, camera.sensor, curve
 
 
 def expected(

@@ -2,12 +2,12 @@
 
 No formula is the effect itself: a fall-off is not quite a polynomial, a blur not quite a Gaussian. What a cause
 changes, Δ, may be off by a share that varies slowly with the place in the image, the distance from its middle, the
-brightness and the channel, in all cameras alike and in each, as every one has a lens and a sensor of its own; and at
-each pixel by a share of its own (``doubt``). What the chain of an image changes may
-lie a little aside and be a little wider: a blur's kernel need be neither even nor a Gaussian. Its third moment, and
-what its fourth has beyond a Gaussian's, change an image by derivatives of what its variance changes: the first times
--m3 / (3 m2) px, the second times (m4 - 3 m2²) / (12 m2) px². Without this, what the formula of a strong effect leaves
-is taken for a second, weak effect.
+brightness, the channel and the exposure time, in all cameras alike and in each, as every one has a lens and a sensor of
+its own; and at each pixel by a share of its own (``doubt``). What the chain of an image changes may lie a little aside
+and be a little wider: a blur's kernel need be neither even nor a Gaussian. Its third moment, and what its fourth has
+beyond a Gaussian's, change an image by derivatives of what its variance changes: the first times -m3 / (3 m2) px, the
+second times (m4 - 3 m2²) / (12 m2) px². Without this, what the formula of a strong effect leaves is taken for a second,
+weak effect.
 
 Kennedy, O'Hagan: Bayesian calibration of computer models. J. R. Stat. Soc. B 2001. Brynjarsdottir, O'Hagan: Learning
 about physical parameters: the importance of model discrepancy. Inverse Problems 2014.
@@ -27,6 +27,7 @@ SHARE = 0.1  # of an effect that its formula misses, by a slow modulation
 OWN = 0.1  # and pixel by pixel
 
 ASIDE = 0.1  # px that it may lie aside by, and px² that it may be wider by: a twentieth of a blur 2 px long
+EXPOSURE = "with the exposure"
 DISPLACED = ("to the right of it", "below it", "wider")
 
 
@@ -45,10 +46,13 @@ Change = dict[str, Changed]  # by the condition's name
 Modulation = Callable[[State], np.ndarray]
 
 
-def form_terms(changes: dict[Cause, Change], cameras: Sequence[str] = ()) -> list[Term]:
+def form_terms(
+    changes: dict[Cause, Change], cameras: Sequence[str] = (), exposures: Sequence[float] = ()
+) -> list[Term]:
     """Terms that the evidence never widens, for each cause of ``changes``. Where there are several ``cameras``, each
-    has its own of what the image chain does in all of them."""
-    spike = SHARE / np.sqrt(len(MODULATIONS))
+    has its own of what the image chain does in all of them; ``exposures`` s: of each condition."""
+    slow = MODULATIONS | ({EXPOSURE: _with_exposure(exposures)} if len(set(exposures)) > 1 else {})
+    spike = SHARE / np.sqrt(len(slow))
     terms = [
         Term(
             FORM,
@@ -60,7 +64,7 @@ def form_terms(changes: dict[Cause, Change], cameras: Sequence[str] = ()) -> lis
         )
         for (name, target), change in changes.items()
         for camera in ("", *(cameras if len(cameras) > 1 and _of_every_camera(name, target) else ()))
-        for word, modulation in MODULATIONS.items()
+        for word, modulation in slow.items()
     ]
     terms += [
         Term(FORM, f"{name} {target}".strip(), word, "px", ASIDE, _moved(change, word))
@@ -126,6 +130,17 @@ def _from_middle(s: State) -> np.ndarray:
 
 def _brightness(s: State) -> np.ndarray:
     return np.asarray(np.tanh(s.signal / max(float(s.signal.mean()), 1e-9) - 1))
+
+
+def _with_exposure(exposures: Sequence[float]) -> Modulation:
+    """By its logarithm: mean and deviation over the conditions."""
+    logs = np.log(exposures)
+    mean, deviation = float(logs.mean()), float(logs.std())
+
+    def modulation(s: State) -> np.ndarray:
+        return np.array((np.log(s.camera.t_exp) - mean) / deviation)
+
+    return modulation
 
 
 def _channel(k: int) -> Modulation:

@@ -72,11 +72,12 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
     ways = {FOLLOWING: 0.0}
     if differ(times):
         ways[GATHERED] = times[-1]
-    terms += [
+    smeared = [
         _term(cause, "", word, seldom, _smeared(axis, t_exp))
         for axis, cause in SMEAR.items()
         for word, t_exp in ways.items()
-    ]
+    ]  # no charge is less than none: of a plate, less would be a shutter that opens late
+    terms += [replace(t, low=0.0, held=True) if t.parameter == GATHERED else t for t in smeared]
     sharp = _term(SHARP, "", "gain", EDGED / 2 * t.flat_field, _sharper)
     terms.append(replace(sharp, low=0.0, against=BLURS))  # both together are a blur of another shape
     terms += [

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from analysis.gap import aperture
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
@@ -104,6 +106,20 @@ def _wider(fitted: Fit) -> list[str]:
     return notes
 
 
+def _cut_off(found: Sequence[Condition]) -> list[str]:
+    notes = []
+    for name in dict.fromkeys(c.camera.name for c in found):
+        own = [c for c in found if c.camera.name == name]
+        share = float(np.mean([c.cut_off.mean() for c in own]))
+        if share > 0:
+            notes.append(
+                f"{100 * share:.2g} % of what {called(name)} captured is cut off at DN 0, where the scene has a black "
+                f"level of {own[0].camera.sensor.black_level:g} DN: it lies lower than that by as much or more, and "
+                f"nothing else is told from there."
+            )
+    return notes
+
+
 def _of_captures(found: Sequence[Condition], where: Ledger) -> list[str]:
     notes = []
     if not where.measured:
@@ -112,6 +128,7 @@ def _of_captures(found: Sequence[Condition], where: Ledger) -> list[str]:
             "measured."
         )
     notes += notes_on_files(found)
+    notes += _cut_off(found)
     notes += [
         f"The captures of {name} lie {px:.1f} px off their simulation as a whole, which is more than registration "
         f"follows well: calibrate the camera anew, or take the figures as those of a wrong pose."

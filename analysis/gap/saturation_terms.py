@@ -44,6 +44,7 @@ def _range(sensor: Sensor) -> float:
 
 def _lost(knee: float) -> Field:
     def field(s: State) -> np.ndarray:
-        return np.asarray(-np.maximum(s.signal - knee * _range(s.camera.sensor), 0), np.float32)
+        above_black = s.take(s.simulation.dn) - np.float32(s.simulation.black)
+        return np.asarray(-np.maximum(above_black - knee * _range(s.camera.sensor), 0), np.float32)
 
     return field

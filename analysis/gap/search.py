@@ -356,7 +356,9 @@ class Search:
         """``changes``: of each cause that is in force at ``at``; ``kept``: sensitivities that a stand before had."""
         free = {t.candidate for t in self.terms if t.family is not None}  # of any form
         cameras = list(dict.fromkeys(c.camera.name for c in self.conditions))
-        forms = form_terms({c: change for c, change in changes.items() if c not in free}, cameras)
+        exposures = [c.camera.t_exp for c in self.conditions]
+        doubted = {c: change for c, change in changes.items() if c not in free}
+        forms = form_terms(doubted, cameras, exposures)
         every = [*self.terms, *forms]
         at_all = np.append(at, np.zeros(len(forms)))
         model = self.model(at, at)
@@ -367,14 +369,14 @@ class Search:
             if not state.usable.any():
                 return None
             drawn = sensitivities(state, self.terms, kept.get(condition.name), anew)
-            doubted = doubt(list(changes.values()), state)
+            own = doubt(list(changes.values()), state)
             bends = [change[condition.name].bend for change in changes.values()]
             straight = np.zeros_like(state.signal)
             found = equations(
                 state,
                 every,
                 at_all,
-                doubted,
+                own,
                 drawn.and_also(state, forms),
                 [straight if b is None else b for b in bends],
             )
@@ -385,7 +387,9 @@ class Search:
         parts = tuple(equations for equations, _ in found.values())
         now = {name: drawn for name, (_, drawn) in found.items()}
         if not parts:
-            raise BrightfieldError("No pixel of the captures can be compared: all are masked or saturated.")
+            raise BrightfieldError(
+                "No pixel of the captures can be compared: all are masked, saturated or cut off at DN 0."
+            )
         evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
         self.widths.first(evidence.spike[: self.q])
         return Stand(tuple(every), at, evidence, parts, tuple(evidence.search()), now)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.expected import Expected, mean_dn
+from analysis.gap.expected import Expected, dn_per_radiance, mean_dn
 from analysis.gap.fine_optics import FineOptics, told_apart
 from analysis.gap.knots import Change, Knots
 from analysis.gap.parallel import own_property
@@ -117,11 +117,9 @@ class State:
 
     @own_property
     def per_radiance(self) -> np.ndarray:
-        """(h, w, C): DN per radiance at each pixel, taken as if each pixel were alone."""
-        one = Image(np.ones_like(self.radiance), Quantity.RADIANCE, self.plain, passes=self.shown.passes)
-        none = replace(one, pixels=np.zeros_like(self.radiance))
-        difference = mean_dn(one, self.plain, self._rest) - mean_dn(none, self.plain, self._rest)
-        return self.take(self.channels(difference))
+        """(h, w, C): DN per radiance at each pixel, where it is, taken as if each pixel were alone."""
+        image = Image(self.radiance, Quantity.RADIANCE, self.plain, passes=self.shown.passes)
+        return self.take(self.channels(dn_per_radiance(image, self.plain, self._rest)))
 
     @own_property
     def lamps(self) -> dict[str, np.ndarray]:

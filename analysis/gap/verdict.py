@@ -115,7 +115,7 @@ def _told(
     )
     if not any(ok.any() for ok in by.ok):
         raise BrightfieldError(
-            "No pixel of the held-out captures can be compared: all are masked or saturated."
+            "No pixel of the held-out captures can be compared: all are masked, saturated or cut off at DN 0."
         )
     shrunk = gap(by, shown.as_written, shown.before, shown.after, np.random.default_rng(0))
     left = structure(conditions, corrected, off)

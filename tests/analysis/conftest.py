@@ -57,7 +57,7 @@ def small_bench(rasterizer: Rasterizer, kept: Path) -> Bench:
 
         little_bench(folder / "scene.usda", WIDTH, HEIGHT)
         for time in shots:
-            images.write(folder / f"{time}.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
+            images.write(folder / f"{time}.png", np.ones((HEIGHT, WIDTH, 3), np.uint16))
         entries = [
             {"image": f"{time}.png", "camera": f"/World/{camera}", "time": time, "exposure": 1.0}
             for time, camera in shots.items()

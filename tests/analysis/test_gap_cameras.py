@@ -13,7 +13,7 @@ from analysis.gap.corrected import Change, changed
 from analysis.gap.diagnosis import Finding, names
 from analysis.gap.expected import Expected
 from analysis.gap.fit import fit
-from analysis.gap.form_terms import MODULATIONS, Changed, form_terms
+from analysis.gap.form_terms import EXPOSURE, MODULATIONS, Changed, form_terms
 from analysis.gap.generic_terms import image_wave
 from analysis.gap.geometry_terms import geometry_terms
 from analysis.gap.sensitivities import drawn
@@ -158,3 +158,17 @@ def test_forms_of_what_all_cameras_have_differ_from_one_to_the_other(found: list
     n = len(MODULATIONS)
     assert [any(shown[LEFT][k * n : (k + 1) * n]) for k in range(3)] == [True, True, False]
     assert [any(shown[RIGHT][k * n : (k + 1) * n]) for k in range(3)] == [False, False, True]
+
+
+def test_a_form_may_go_with_the_exposure(found: list[Condition]) -> None:
+    """By its logarithm, of mean 0 and deviation 1 over the conditions; of one exposure there is none."""
+    times = [0.1, 0.1, 0.4, 1.0]
+    some = [replace(found[0], camera=replace(found[0].camera, t_exp=t)) for t in times]
+    change = {found[0].name: Changed(np.full_like(State(found[0]).signal, 2.0), {})}
+    cause = ("exposure", "")
+    assert len(form_terms({cause: change}, [LEFT], [0.1, 0.1])) == len(MODULATIONS)
+    (term,) = [t for t in form_terms({cause: change}, [LEFT], times) if t.parameter == EXPOSURE]
+    of = [float(np.asarray(term.field(State(c))).mean()) / 2 for c in some]
+    assert np.mean(of) == pytest.approx(0, abs=1e-6)
+    assert np.std(of) == pytest.approx(1)
+    assert (of[3] - of[2]) / (of[2] - of[0]) == pytest.approx(np.log(2.5) / np.log(4))

@@ -31,10 +31,12 @@ from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Tolerances
 from interchange.effects.exposure import Exposure
 from interchange.effects.motion_blur import MotionBlur
+from interchange.effects.response_curve import ResponseCurve
 from interchange.effects.veiling_glare import VeilingGlare
 from interchange.effects.vignetting import Vignetting
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
+from interchange.sensor import Response
 
 LAMP, SIZE = "/lamp", (96, 72)
 SENSOR = Sensor(
@@ -53,7 +55,7 @@ def condition() -> Condition:
     scene = Scene(lights=(Light(LAMP, LightKind.SPHERE, (1.0, 1.0, 1.0)),))
     nothing = np.zeros_like(L)
     shown = Rendered(scene, camera, {LAMP: L}, {LAMP: np.ones(3)}, nothing, nothing, {}, {})
-    pixels = np.zeros((SIZE[1], SIZE[0], 1), np.float32)
+    pixels = np.ones((SIZE[1], SIZE[0], 1), np.float32)
     captures = (Capture("a.png", "/eye", 0, 1.0, pixels, bits=16),)
     bare = Condition(captures, scene, camera, pixels, None, np.ones(pixels.shape[:2], bool))
     return replace(bare, rendered=shown)
@@ -284,6 +286,31 @@ def test_a_lens_is_known_as_well_where_a_cut_holds_no_axis(condition: Condition)
         assert k1.flow is not None
         moved = np.hypot(*k1.flow(State(off)))
         assert k1.spike * moved.max() == pytest.approx(EACH * 0.05, rel=0.05)  # the corner pixel's middle
+
+
+def test_a_late_shutter_is_followed_to_where_it_stands(condition: Condition) -> None:
+    """From a fifth too early: a step from there is what the effect gives more, to 1e-3 of it (the second order)."""
+    longer = replace(condition, camera=replace(condition.camera, t_exp=4.0))
+    (term,) = shutter_delay([condition, longer], Tolerances())
+    assert term.kind == "chain"
+    for c in (condition, longer):
+        stands = State(c, effects_at([term], {term.key: -0.2}, State(c)))
+        assert stands.simulation.dn == pytest.approx(State(c).dn([Exposure(delay=-0.2)]))
+        real = State(c).dn([Exposure(delay=-0.199)]) - State(c).dn([Exposure(delay=-0.2)])
+        assert 0.001 * np.asarray(term.field(stands)) == pytest.approx(real, rel=1e-2, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [ResponseCurve(gamma=0.8), ResponseCurve(bow=0.2, skew=0.1), ResponseCurve(response=Response.SRGB)],
+)
+def test_what_light_adds_goes_by_the_curves_slope_where_it_is(
+    condition: Condition, curve: ResponseCurve
+) -> None:
+    """Of a camera's own curve and of one in force: signals against 1 % more light and 1 % less, to the third order."""
+    for state in (State(condition, [curve]), State(replace(condition, camera=curve.on(condition.camera)))):
+        more, less = (state.dn([*state.effects, Exposure(scale=x)]) for x in (1.01, 0.99))
+        assert state.signal == pytest.approx(state.take(more - less) / 0.02, rel=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,20 @@
 """What is cut off at DN 0, against the sensor's own model: 120000 values of each light."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
 from analysis.gap import cut
+from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected, noise_variance
 from interchange.camera import Camera, Sensor
+from interchange.captures import Capture
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
+from interchange.scene import Scene
 from interchange.sensor import Response
 
 SHAPE = (200, 200, 3)
@@ -91,3 +96,26 @@ def test_a_camera_with_a_black_level_is_told_as_ever() -> None:
     temporal, _ = noise_variance(linear, _camera(64, Response.LINEAR, 0))
     light = np.maximum(linear - 64, 0)
     assert temporal == pytest.approx(sensor.K * light + (sensor.K * 7) ** 2 + 1 / 12, rel=1e-6)
+
+
+def test_what_is_cut_off_below_a_black_level_is_not_compared() -> None:
+    """A patch of 20 x 12 px at DN 0 under a black level of 64, and single zeros; under one of 1 DN all of it is."""
+    rng = np.random.default_rng(0)
+    dn = rng.normal(300, 5, (60, 80, 3))
+    dn[20:32, 30:50] = 0
+    dn[5, 5] = dn[50, 70, 1] = 0
+    patch = np.zeros((60, 80), bool)
+    patch[20:32, 30:50] = True
+    for black, there in ((64, patch), (1, np.zeros_like(patch))):
+        camera = replace(_camera(black, Response.LINEAR, 0), t_exp=1.0)
+        condition = Condition(
+            (Capture("a.png", "/Top", 0, 1.0, dn, bits=16),),
+            Scene(),
+            camera,
+            dn,
+            None,
+            np.ones((60, 80), bool),
+        )
+        assert (condition.cut_off == there).all()
+        e = expected(np.full(dn.shape, 0.1, np.float32), replace(camera, sensor=camera.sensor))
+        assert (condition.usable(e) == ~there).all()

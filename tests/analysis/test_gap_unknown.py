@@ -115,7 +115,8 @@ def test_light_that_columns_gather_is_no_glare(fitted: Fitted) -> None:
 
 
 def test_smear_is_the_mean_of_a_line(document: Document, shown: list[Rendered]) -> None:
-    """A share of it at every exposure, or what half the exposure has twice as much of; rows as columns."""
+    """A share of it at every exposure, or what half the exposure has twice as much of, which is not less than nothing;
+    rows as columns."""
     whole, half = (State(c) for c in _conditions(document, shown, []) if c.name in ("0.png", "6.png"))
     terms = generic_terms([whole.condition, half.condition], Tolerances())
     for axis, cause in SMEAR.items():
@@ -125,6 +126,8 @@ def test_smear_is_the_mean_of_a_line(document: Document, shown: list[Rendered]) 
             mean = np.broadcast_to(light.mean(axis=axis, keepdims=True), light.shape)
             assert field[FOLLOWING](state) == pytest.approx(mean, rel=1e-5)
             assert field[GATHERED](state) == pytest.approx(times * mean, rel=1e-5)
+        least = {t.parameter: (t.low, t.held) for t in terms if t.cause == cause}
+        assert least == {FOLLOWING: (-np.inf, False), GATHERED: (0.0, True)}
 
 
 def test_places_add_up_as_terms_with_fields_do(document: Document, shown: list[Rendered]) -> None:
