@@ -1,4 +1,4 @@
-# make demo   a CAD part becomes an inspection scene, shown by both renderers, in out/demo/index.html
+# make demo   a CAD part becomes an inspection scene, shown by both renderers; captures are diagnosed: out/demo/index.html
 # make test   proves it
 # Each target installs what it needs: a virtual environment in .venv, and Debian packages where it may.
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.expected import SATURATED
 from analysis.gap.left import SMOOTH
 from analysis.gap.state import State
 from analysis.gap.terms import Field, Term
@@ -17,11 +18,12 @@ from interchange.camera import Sensor
 from interchange.captures import Tolerances
 
 KNEES = (0.5, 0.7, 0.8, 0.9)  # of the range: below, it is a response curve; above, hardly a pixel is compared
-LEAST = 1e-3  # of an image's pixels that must be brighter
+LEAST = 1e-3  # of an image's pixels that must be brighter,
+HALF = 0.5  # by that part of what is left up to what is saturated: a loss that hardly shows says nothing of the rest
 
 
 def saturation_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """Of the knees that enough pixels of some image lie above."""
+    """Of the knees that enough pixels of some image lie well above."""
     seen = [k for k in KNEES if any(_bright(c, k) for c in conditions)]
     spike = SMOOTH * tolerances.flat_field / np.sqrt(max(len(seen), 1))
     return [Term("saturation", "", lost_above(k), "1", spike, _lost(k), relative=True, low=0.0) for k in seen]
@@ -34,7 +36,8 @@ def lost_above(knee: float) -> str:
 
 def _bright(condition: Condition, knee: float) -> bool:
     model = condition.simulated()
-    return bool((model.dn - model.black > knee * _range(condition.camera.sensor)).mean() > LEAST)
+    well_above = knee + HALF * (SATURATED - knee)
+    return bool((model.dn - model.black > well_above * _range(condition.camera.sensor)).mean() > LEAST)
 
 
 def _range(sensor: Sensor) -> float:

@@ -1,4 +1,4 @@
-"""`brightfield demo`: a CAD part becomes an inspection scene, shown by both renderers."""
+"""`brightfield demo`: a CAD part becomes an inspection scene, shown by both renderers; captures are diagnosed."""
 
 import argparse
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from interchange.problems import BrightfieldError
 
-HELP = "build an inspection scene round a CAD part and show it by both renderers"
+HELP = "build an inspection scene round a CAD part, show it by both renderers, diagnose captures"
 ASSETS = Path(__file__).parents[2] / "assets"
 
 

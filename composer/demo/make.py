@@ -1,4 +1,4 @@
-"""Make the demo: write the scene, render it both ways, draw the comparison and a page that shows it all."""
+"""Make the demo: write the scene, render it both ways, diagnose captures of another, and a page that shows it all."""
 
 import html
 import time
@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.agreement import Agreement, agreement, edges
 from composer.demo import pictures
+from composer.demo.diagnosis import CAPTURES, Shown, diagnosed
 from composer.demo.station import FRAMES, station
 from interchange.formats import exr
 from interchange.formats.document import Document, open_scene
@@ -68,8 +69,10 @@ def make(out: Path, assets: Path, samples: int, say: Say) -> Path:
             write_png(out / f"{name}.png", _side_by_side(pairs[-1]))
         say("moving the camera round the part")
         write_png(out / "sweep.png", _sweep(document, rasterizer, cycles, say))
+    found, picture = diagnosed(out, assets, say)
+    write_png(out / found.picture, picture)
     page = out / "index.html"
-    page.write_text(_page(pairs, scene_file), encoding="utf-8")
+    page.write_text(_page(pairs, scene_file, found), encoding="utf-8")
     return page
 
 
@@ -127,7 +130,7 @@ def _sweep(document: Document, rasterizer: Rasterizer, cycles: Cycles, say: Say)
     return pictures.sheet(rows, names, columns)
 
 
-def _page(pairs: list[Pair], scene_file: Path) -> str:
+def _page(pairs: list[Pair], scene_file: Path, found: Shown) -> str:
     figures = "\n".join(
         _figure(
             f"{p.camera}.png", f"Camera {p.camera}: both renderers of the same scene file, with one exposure."
@@ -156,7 +159,25 @@ def _page(pairs: list[Pair], scene_file: Path) -> str:
         "path tracer all of it, so their difference is what the surfaces send to each other. Reflected light is "
         "denoised (Open Image Denoise); light straight from the lamps needs no denoising."
     )
-    return template.substitute(intro=intro, figures=figures, table=table, files=files)
+    return template.substitute(
+        intro=intro, figures=figures, table=table, files=files, diagnosis=_diagnosis(found)
+    )
+
+
+def _diagnosis(found: Shown) -> str:
+    before, after, noise = found.gap
+    text = (
+        f"Eight captures of a bench, path-traced by another engine through a lens that its scene file does not know "
+        f"({CAPTURES} of the assets). On captures that nothing was fitted to, χ goes from {before:.2f} to {after:.2f}; "
+        f"the sensor's noise alone is {noise:.2f}. {', '.join(found.numbers)}."
+    )
+    return (
+        f"<p><strong>{html.escape(found.verdict)}</strong></p><p>{html.escape(text)} "
+        f'<a href="{found.report}">The whole report</a>.</p>'
+        + _figure(
+            found.picture, "A held-out capture, and what it has beyond the simulation before and after."
+        )
+    )
 
 
 def _figure(name: str, caption: str) -> str:
