@@ -25,6 +25,7 @@ from interchange.effects.parts import called
 from interchange.sensor import Sensor
 
 CURVE, SURE = "response_curve", 0.999
+SCREEN = "sRGB"  # of a response curve: that of screens, which has no number
 EVERY = {  # what an effect is about whose target is none, where one of them could have it
     "light_position": "all lamps",
     "light_size": "all lamps",
@@ -127,7 +128,7 @@ def with_curve(
     it has taken ``taken_off`` off the mean χ², beside what one that was found takes off. χ without it is that of the
     file as written: beside it all else would be fitted to what it leaves, which is not looked at."""
     share = taken_off / shrunk.before**2
-    screen = {"sRGB": Estimate(1.0, 0.0, "1")}
+    screen = {SCREEN: Estimate(1.0, 0.0, "1")}
     own = Finding(
         CURVE, SURE, screen, (), None, shrunk.before, shrunk.after, share, tuple(map(called, cameras))
     )

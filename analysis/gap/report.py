@@ -10,12 +10,13 @@ import numpy as np
 
 from analysis.compare.slider import SCRIPT, STYLE, data_uri, slider
 from analysis.gap.diagnose import Diagnosed
-from analysis.gap.diagnosis import Diagnosis, Finding, stage_of, write_text
+from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, stage_of, write_text
+from analysis.gap.findings import SCREEN
 from analysis.gap.ledger import NOISE, Share
 from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.report_pictures import gap_map, shown, waterfall
 from analysis.gap.report_words import (
-    evidence,
+    grounds,
     interval,
     kinds,
     meaning,
@@ -25,7 +26,6 @@ from analysis.gap.report_words import (
     sentence,
     what_is_left,
     why,
-    why_not,
 )
 from analysis.gap.sureness import TEMPERATURE
 from interchange.captures import Captures
@@ -147,25 +147,13 @@ def _pictures(found: Diagnosed, k: int) -> dict[str, np.ndarray]:
 
 
 def _effect(f: Finding, found: Diagnosed) -> str:
-    rows = "".join(
-        f"<tr><td>{html.escape(n)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
-        f"<td>{interval(f.name, n, p)}</td>"
-        f"<td>{html.escape('' if p.unit == '1' else p.unit)}</td></tr>"
-        for n, p in f.parameters.items()
-    )
+    rows = "".join(_parameter(f.name, n, p) for n, p in f.parameters.items())
     head = "<tr><th>parameter</th><th class=n>value</th><th class=n>σ</th><th>95 %</th><th></th></tr>"
     table = f"<table>{head}{rows}</table>"
     mark = why(kinds(f))
     seen = f"<dt>What gives it away</dt><dd>{html.escape(mark)}</dd>" if mark else ""
-    noise = (
-        "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
-    )
-    fitted = any(f.name == cause for cause, _ in found.fit.best.causes)
-    said = evidence(found.fit, f) if fitted else noise
-    rivals = (
-        "".join(f"<dd>{html.escape(w)}</dd>" for w in why_not(found.fit, f)[:4])
-        or "<dd>Nothing looks alike.</dd>"
-    )
+    said, others = grounds(found.fit, f)
+    rivals = "".join(f"<dd>{html.escape(w)}</dd>" for w in others[:4]) or "<dd>Nothing looks alike.</dd>"
     against = (
         "<dd>What it takes off is below 0: it works against another effect, and shows beside it alone.</dd>"
     )
@@ -179,6 +167,16 @@ def _effect(f: Finding, found: Diagnosed) -> str:
         f"<p>{html.escape(meaning(kinds(f)))}</p>"
         f'<div class="two"><div>{table}</div><dl><dt>Why</dt><dd>{html.escape(said)}</dd>{said_so}{seen}'
         f"<dt>Why not something else</dt>{rivals}{advice}</dl></div></div>"
+    )
+
+
+def _parameter(effect: str, name: str, p: Estimate) -> str:
+    if name == SCREEN:
+        return f"<tr><td>{name}</td><td class=n>yes</td><td></td><td></td><td></td></tr>"
+    return (
+        f"<tr><td>{html.escape(name)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
+        f"<td>{interval(effect, name, p)}</td>"
+        f"<td>{html.escape('' if p.unit == '1' else p.unit)}</td></tr>"
     )
 
 

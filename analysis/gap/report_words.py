@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from analysis.gap import aperture
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, names
+from analysis.gap.findings import SCREEN
 from analysis.gap.fit import Fit
 from analysis.gap.hot_pixels import HOT
 from analysis.gap.structure import STEPS
@@ -16,6 +17,13 @@ from interchange.parameter import parameters
 STRENGTH = ((10.0, "overwhelming"), (5.0, "strong"), (3.0, "clear"), (1.0, "weak"), (-math.inf, "no"))
 WHITE = 0.02  # of σ², from which on it is worth a word
 LEAST = 0.005  # of a gap, or a probability, that is told as one
+OF_NOISE = (
+    "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
+)
+ENCODED = (
+    "Over all pixels of a camera the captured DN follow sRGB's curve of the simulated ones, and no line: it was taken "
+    "so before anything was fitted."
+)
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
 
@@ -82,6 +90,20 @@ def interval(effect: str, name: str, found: Estimate) -> str:
     low, high = (about.low, about.high) if about else (-math.inf, math.inf)
     ends = (max(found.value - 1.96 * found.sigma, low), min(found.value + 1.96 * found.sigma, high))
     return " to ".join(number(x, found.sigma) for x in ends)
+
+
+def grounds(fit: Fit, finding: Finding) -> tuple[str, list[str]]:
+    """Why an effect, and why not another."""
+    if _is_fitted(fit, finding):
+        return evidence(fit, finding), why_not(fit, finding)
+    if SCREEN in finding.parameters:
+        return ENCODED, []
+    return OF_NOISE, why_not(fit, finding)
+
+
+def _is_fitted(fit: Fit, finding: Finding) -> bool:
+    """Whether it is a cause of the best hypothesis; what noise or the files' codes show is none."""
+    return any(finding.name == cause for cause, _ in fit.best.causes)
 
 
 def evidence(fit: Fit, finding: Finding) -> str:
@@ -158,6 +180,7 @@ def why_not(fit: Fit, finding: Finding) -> list[str]:
             h.score
             for h in fit.hypotheses
             if rival in {c[0] for c in h.causes} and finding.name not in {c[0] for c in h.causes}
+            if _is_fitted(fit, finding)
         ]
         gain = fit.best.score - max(instead) if instead else 0.0
         said = "was not tried in its place"

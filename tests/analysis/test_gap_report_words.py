@@ -9,7 +9,7 @@ import pytest
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
 from analysis.gap.findings import _targets
-from analysis.gap.report_words import evidence, interval, kinds, sentence, what_is_left, why, why_not
+from analysis.gap.report_words import evidence, grounds, interval, kinds, sentence, what_is_left, why, why_not
 from analysis.gap.structure import Structure
 from interchange.effects import MODELS
 
@@ -32,6 +32,23 @@ def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: 
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
+
+
+def test_what_was_not_fitted_is_told_by_what_it_was_judged_by() -> None:
+    """A noise by repeats, beside which no fit tells how likely another is; captures that follow sRGB by all pixels."""
+    number = Estimate(1.0, 0.1, "1")
+    noise: Any = SimpleNamespace(name="sensor_noise", rivals=(), parameters={"K": number}, tied=())
+    said, others = grounds(_fit(0.0), noise)
+    assert "on repeats" in said
+    assert not any("less likely" in w for w in others)
+    curve: Any = SimpleNamespace(name="response_curve", rivals=(), parameters={"sRGB": number}, tied=())
+    said, others = grounds(_fit(0.0), curve)
+    assert "follow sRGB's curve" in said
+    assert others == []
+    own: Any = SimpleNamespace(name="defocus", rivals=(), parameters={"blur": number}, tied=())
+    said, others = grounds(_fit(0.0), own)
+    assert "evidence" in said
+    assert any("less likely" in w for w in others)
 
 
 def test_hot_pixels_are_told_as_what_they_are() -> None:
