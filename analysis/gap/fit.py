@@ -221,9 +221,10 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     none = next(h for h in first.hypotheses if not h.causes)
     hoped = _gain(first)
 
+    passed: set[frozenset[Cause]] = set()
     alone = search.alone(first)
     if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
-        stand = search.followed(first, alone, "fit 1")
+        stand = search.followed(first, alone, "fit 1", passed=passed)
         if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
             return [stand]
     moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
@@ -235,7 +236,9 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
         if any(set(causes) == set(s.best.causes) for s in stands):
             continue  # another start came here
         if start not in moves:
-            stand = search.followed(first, start, what, stands)
+            if frozenset(causes) in passed and (stands or astray):
+                continue  # and this one came by, and went on
+            stand = search.followed(first, start, what, stands, passed=passed)
         else:  # where it is all, or nearly, other starts are of a registration that hides it
             stand = search.followed(first, start, what, stands, 1)
             both = search.beside(first, start, stand)

@@ -188,15 +188,30 @@ class Search:
         return self.followed(stand, Start(stand.best, self.start_of(stand.best, stand)), what, known)
 
     def followed(
-        self, first: Stand, start: Start, what: str, known: Sequence[Stand] = (), rounds: int = ROUNDS
+        self,
+        first: Stand,
+        start: Start,
+        what: str,
+        known: Sequence[Stand] = (),
+        rounds: int = ROUNDS,
+        passed: set[frozenset[Cause]] | None = None,
     ) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at, or one
-        of ``known`` stands there already, and better."""
+        of ``known`` stands there already, and better; or it comes round to where it has been, which is given by the
+        last stand of its own. ``passed`` is told the causes that it was linearised at."""
         stand, best, at = first, start.hypothesis, start.at
         theta = stand.evidence.theta(best)[: self.q]
         kept = dict(first.kept)
+        been: dict[frozenset[Cause], np.ndarray] = {}
+        own: Stand | None = None
         for _ in range(rounds):
             members = {c: stand.evidence.members[c] for c in best.causes}
+            causes = frozenset(best.causes)
+            if causes in been and not self.moved(members, at, been[causes], stand.evidence.spike):
+                return stand if own is None else own
+            been[causes] = at
+            if passed is not None:
+                passed.add(causes)
             theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before = best
@@ -210,6 +225,7 @@ class Search:
                 break
             if any(k.best.causes == best.causes and k.best.score > stand.best.score for k in known):
                 break
+            own = stand if stand.is_its_own else own
         return stand
 
     def refined(
