@@ -26,7 +26,25 @@ def test_one_that_gains_less_than_half_is_not_all(gain: float, best: tuple[str, 
         alone=lambda first: starts[CAMERA],
         may_move=lambda best: False,
         starts=lambda first: [starts[WORKPIECE]],
-        followed=lambda first, start, *rest: ends[start.hypothesis.causes[0]],
+        followed=lambda first, start, *rest, passed: ends[start.hypothesis.causes[0]],
     )
     stands = _followed(search, first, False)
     assert max(stands, key=lambda s: s.best.score).best.causes == (best,)
+
+
+def test_a_start_that_another_came_by_is_not_followed_again() -> None:
+    followed = []
+
+    def follow(first: Any, start: Any, *rest: Any, passed: set[Any]) -> Any:
+        followed.append(start.hypothesis.causes)
+        passed |= {frozenset({WORKPIECE}), frozenset({CAMERA})}
+        return _stand(WORKPIECE, 300.0)
+
+    starts = [
+        SimpleNamespace(hypothesis=SimpleNamespace(causes=(c,), score=100.0)) for c in (WORKPIECE, CAMERA)
+    ]
+    search: Any = SimpleNamespace(
+        alone=lambda first: None, may_move=lambda best: False, starts=lambda first: starts, followed=follow
+    )
+    assert len(_followed(search, _stand(CAMERA, 100.0), False)) == 1
+    assert followed == [(WORKPIECE,)]
