@@ -11,9 +11,10 @@ from typing import TypeVar
 import numpy as np
 
 from analysis.gap.approach import Approach, approached_beside, approaches
+from analysis.gap.changed import changed_in
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
-from analysis.gap.form_terms import Change, Changed, displaced, doubt, form_terms
+from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
@@ -23,7 +24,7 @@ from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.stand import Stand, Start
 from analysis.gap.subpixel_terms import straight
-from analysis.gap.terms import NUISANCE, Cause, Term, added
+from analysis.gap.terms import NUISANCE, Cause, Term
 from interchange.problems import BrightfieldError
 
 R = TypeVar("R")
@@ -332,26 +333,7 @@ class Search:
 
     def change(self, model: Model, index: np.ndarray) -> Change:
         """What a cause changes in each condition."""
-        without, own = model.without(index), [self.terms[i] for i in index]
-        chain = any(t.kind == "chain" for t in own)
-
-        def changed_in(c: Condition) -> Changed:
-            state = model.state(c, self.stride)
-            change = added(state, own, (model.theta - model.at)[index])
-            moved, bend = {}, None
-            if model.at[index].any():
-                whole = state.simulation.dn - without.state(c).simulation.dn
-                there = state.take(whole)
-                change = change + there
-                if any(
-                    t.kind != "flow" for t in own
-                ):  # what moves the image stands there without its cause as well
-                    bend = np.asarray(there - added(state, own, model.at[index]), np.float32)
-                if chain:
-                    moved = {word: state.take(plane) for word, plane in displaced(whole).items()}
-            return Changed(np.asarray(change, np.float32), moved, bend)
-
-        found = self._each(changed_in)
+        found = self._each(lambda c: changed_in(c, model, index, self.stride))
         return {c.name: change for c, change in zip(self.conditions, found, strict=True)}
 
     def _anew(self, changes: Collection[Cause]) -> set[int]:

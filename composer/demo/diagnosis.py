@@ -21,8 +21,10 @@ BINNED = 2  # pixels across that are taken as one: a quarter of the time
 
 @dataclass(frozen=True)
 class Shown:
-    """What the page says of a diagnosis: its verdict, numbers, χ before, after and of noise, and where files are."""
+    """What the page says of a diagnosis: of how many captures, its verdict and numbers, χ before, after and of noise,
+    and where files are."""
 
+    captures: int
     verdict: str
     numbers: tuple[str, ...]
     gap: tuple[float, float, float]
@@ -55,7 +57,8 @@ def diagnosed(out: Path, assets: Path, say: Callable[[str], None]) -> tuple[Show
         for name, p in effect.parameters.items()
     )
     gap = d.gap.before, d.gap.after, d.gap.noise_floor
-    return Shown(sentence(d), numbers, gap, "diagnosis.png", "diagnosis/report.html"), _picture(found)
+    shown = Shown(len(given.captures), sentence(d), numbers, gap, "diagnosis.png", "diagnosis/report.html")
+    return shown, _picture(found)
 
 
 def _picture(found: Diagnosed) -> np.ndarray:

@@ -167,9 +167,9 @@ def _page(pairs: list[Pair], scene_file: Path, found: Shown) -> str:
 def _diagnosis(found: Shown) -> str:
     before, after, noise = found.gap
     text = (
-        f"Eight captures of a bench, path-traced by another engine through a lens that its scene file does not know "
-        f"({CAPTURES} of the assets). On captures that nothing was fitted to, χ goes from {before:.2f} to {after:.2f}; "
-        f"the sensor's noise alone is {noise:.2f}. {', '.join(found.numbers)}."
+        f"{found.captures} captures of a bench, path-traced by another engine through a lens that its scene file does "
+        f"not know ({CAPTURES} of the assets). On captures that nothing was fitted to, χ goes from {before:.2f} to "
+        f"{after:.2f}; the sensor's noise alone is {noise:.2f}. {', '.join(found.numbers)}."
     )
     return (
         f"<p><strong>{html.escape(found.verdict)}</strong></p><p>{html.escape(text)} "

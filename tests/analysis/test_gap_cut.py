@@ -117,5 +117,5 @@ def test_what_is_cut_off_below_a_black_level_is_not_compared() -> None:
             np.ones((60, 80), bool),
         )
         assert (condition.cut_off == there).all()
-        e = expected(np.full(dn.shape, 0.1, np.float32), replace(camera, sensor=camera.sensor))
+        e = expected(np.full(dn.shape, 0.1, np.float32), camera)
         assert (condition.usable(e) == ~there).all()

@@ -19,10 +19,11 @@ def test_the_captures_are_of_the_scene_and_some_are_held_out() -> None:
 
 def test_the_page_says_verdict_and_numbers() -> None:
     text = _diagnosis(
-        Shown("It is <dust>.", ("dust a = 0.1 ± 0.2",), (4.5, 1.135, 1.0), "d.png", "d/report.html")
+        Shown(8, "It is <dust>.", ("dust a = 0.1 ± 0.2",), (4.5, 1.135, 1.0), "d.png", "d/report.html")
     )
     for part in (
         "It is &lt;dust&gt;.",
+        "8 captures of a bench",
         "from 4.50 to 1.14",
         "dust a = 0.1 ± 0.2",
         'href="d/report.html"',
