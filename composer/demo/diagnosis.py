@@ -12,7 +12,7 @@ from analysis.gap.renderers import renderer
 from analysis.gap.report import write_report
 from analysis.gap.report_words import sentence
 from composer.demo import pictures
-from interchange.formats import captures as captures_file
+from interchange.captures import Captures
 from interchange.formats.document import open_scene
 
 CAPTURES = "bench_sample/captures.json"  # of the assets
@@ -32,9 +32,8 @@ class Shown:
     report: str
 
 
-def diagnosed(out: Path, assets: Path, say: Callable[[str], None]) -> tuple[Shown, np.ndarray]:
-    """Diagnoses the captures into ``out``/diagnosis, renderings beside; the picture is (H, W, 3) uint8."""
-    given = captures_file.read(assets / CAPTURES)
+def diagnosed(out: Path, given: Captures, say: Callable[[str], None]) -> tuple[Shown, np.ndarray]:
+    """Diagnoses captures into ``out``/diagnosis, renderings beside; the picture is (H, W, 3) uint8."""
     folder = out / "diagnosis"
     folder.mkdir(parents=True, exist_ok=True)
     with renderer("offline") as (render, settings):

@@ -13,6 +13,7 @@ from analysis.agreement import Agreement, agreement, edges
 from composer.demo import pictures
 from composer.demo.diagnosis import CAPTURES, Shown, diagnosed
 from composer.demo.station import FRAMES, station
+from interchange.formats import captures as captures_file
 from interchange.formats import exr
 from interchange.formats.document import Document, open_scene
 from interchange.formats.images import write_png
@@ -43,6 +44,7 @@ class Pair:
 
 def make(out: Path, assets: Path, samples: int, say: Say) -> Path:
     """Write everything to ``out`` and return the page's path."""
+    given = captures_file.read(assets / CAPTURES)
     out.mkdir(parents=True, exist_ok=True)
     say("reading the STEP part and building the station")
     frames = station(assets)
@@ -69,7 +71,7 @@ def make(out: Path, assets: Path, samples: int, say: Say) -> Path:
             write_png(out / f"{name}.png", _side_by_side(pairs[-1]))
         say("moving the camera round the part")
         write_png(out / "sweep.png", _sweep(document, rasterizer, cycles, say))
-    found, picture = diagnosed(out, assets, say)
+    found, picture = diagnosed(out, given, say)
     write_png(out / found.picture, picture)
     page = out / "index.html"
     page.write_text(_page(pairs, scene_file, found), encoding="utf-8")

@@ -1,11 +1,16 @@
 """The demo's captures fit their scene, and the page says what was found of them. `make demo` diagnoses them."""
 
+from pathlib import Path
+
+import pytest
+
 from analysis.gap.conditions import conditions
 from composer.commands.demo import ASSETS
 from composer.demo.diagnosis import CAPTURES, Shown
-from composer.demo.make import _diagnosis
+from composer.demo.make import _diagnosis, make
 from interchange.formats import captures
 from interchange.formats.document import open_scene
+from interchange.problems import FileError
 
 
 def test_the_captures_are_of_the_scene_and_some_are_held_out() -> None:
@@ -30,3 +35,9 @@ def test_the_page_says_verdict_and_numbers() -> None:
         'src="d.png"',
     ):
         assert part in text
+
+
+def test_missing_captures_are_told_before_anything_is_rendered(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=CAPTURES):
+        make(tmp_path / "out", tmp_path, 1, lambda text: None)
+    assert not (tmp_path / "out").exists()
