@@ -8,6 +8,7 @@ times the square of the response curve's slope.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,17 +48,15 @@ class Noise:
     prnu: float
     dsnu: float
 
-    def of(self, camera: Camera) -> Camera:
-        """A camera whose noise is this one's; what it makes of light is another's too."""
-        s = camera.sensor
-        own = replace(
-            s,
-            full_well=s.full_well / self.gain,
+    def of(self, sensor: Sensor) -> Sensor:
+        """A sensor whose noise is this one's; what it makes of light is another's too."""
+        return replace(
+            sensor,
+            full_well=sensor.full_well / self.gain,
             read_noise=self.read_noise,
             prnu=self.prnu,
             dsnu=self.dsnu / self.gain,
         )
-        return replace(camera, sensor=own)
 
 
 def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
@@ -98,16 +97,22 @@ def expected(
 ) -> Expected:
     """The expectation of a capture of ``radiance`` (H, W, 3) by ``camera`` at its exposure and gain; ``noise``: what is
     known of it, instead of the data sheet's."""
-    dn = mean_dn(Image(radiance, Quantity.RADIANCE, camera), camera, effects)
-    camera = chain(camera, effects)[1]
-    temporal, fixed = noise_variance(dn, camera if noise is None else noise.of(camera))
-    return Expected(dn, temporal, fixed, camera.sensor.black_level, float(2**camera.sensor.bits_out - 1))
+    linear, sensor, curve = _linear_dn(Image(radiance, Quantity.RADIANCE, camera), camera, effects)
+    dn = np.asarray(cut.mean(linear, sensor, curve), np.float32)
+    slope = np.ones(1)
+    if curve is not None:
+        linear = np.minimum(linear, 2**sensor.bit_depth - 1)
+        slope = _slopes(curve, sensor.bit_depth, sensor.black_level)(linear)
+    temporal, fixed = _variance(linear, slope, sensor if noise is None else noise.of(sensor))
+    return Expected(dn, temporal, fixed, sensor.black_level, float(2**sensor.bits_out - 1))
 
 
 def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Temporal and fixed-pattern variance, DN², float32, of pixels whose mean is ``dn``."""
-    sensor = camera.sensor
-    linear, slope = _linear(dn, camera)
+    return _variance(*_linear(dn, camera), camera.sensor)
+
+
+def _variance(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
     light, still = _per_electron(linear, slope, sensor)
     temporal = light + still * sensor.read_noise**2
     electrons = np.divide(light, still, out=np.zeros_like(light), where=still > 0)
@@ -130,10 +135,24 @@ def _linear(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     dn = np.asarray(dn, np.float64)
     if not curve.is_there:
         return cut.level(dn, sensor), np.ones(1)
-    x = np.linspace(sensor.black_level, 2**sensor.bit_depth - 1, 4096)[1:]
-    y = curve.output(x, sensor.bit_depth, sensor.black_level)
-    linear = np.interp(dn, *cut.table(sensor, curve)[::-1]) if cut.is_cut(sensor) else np.interp(dn, y, x)
-    return linear, np.interp(linear, x, np.gradient(y, x))
+    if cut.is_cut(sensor):
+        linear = np.interp(dn, *cut.table(sensor, curve)[::-1])
+    else:
+        x = _bright(sensor.bit_depth, sensor.black_level)
+        linear = np.interp(dn, curve.output(x, sensor.bit_depth, sensor.black_level), x)
+    return linear, _slopes(curve, sensor.bit_depth, sensor.black_level)(linear)
+
+
+def _bright(bits: int, black: float) -> np.ndarray:
+    """Linear DN above the black level, rising."""
+    return np.linspace(black, 2**bits - 1, 4096)[1:]
+
+
+@lru_cache(maxsize=64)
+def _slopes(curve: ResponseCurve, bits: int, black: float) -> cut.Even:
+    """Of the curve at linear DN."""
+    x = _bright(bits, black)
+    return cut.Even.of(x, np.gradient(curve.output(x, bits, black), x))
 
 
 def _per_electron(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:

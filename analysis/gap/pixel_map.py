@@ -10,7 +10,7 @@ closer to 0. Robinson: That BLUP is a good thing: the estimation of random effec
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -66,7 +66,9 @@ def _predicted(
     for c, dn in own:
         s, seen = flat(c, dn)
         ok = (seen > 0).astype(np.float32)
-        temporal = noise_variance(dn, noise.of(c.camera))[0] / len(c.captures)
+        temporal = noise_variance(dn, replace(c.camera, sensor=noise.of(c.camera.sensor)))[0] / len(
+            c.captures
+        )
         w, K = ok / temporal, c.camera.sensor.K
         known = dn if hot is None else dn + K * c.camera.t_exp * hot
         r = _less_smooth((c.mean - known).astype(np.float32), ok)

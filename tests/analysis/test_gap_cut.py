@@ -12,6 +12,7 @@ from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected, noise_variance
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture
+from interchange.effects.response_curve import ResponseCurve
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
 from interchange.scene import Scene
@@ -119,3 +120,18 @@ def test_what_is_cut_off_below_a_black_level_is_not_compared() -> None:
         assert (condition.cut_off == there).all()
         e = expected(np.full(dn.shape, 0.1, np.float32), camera)
         assert (condition.usable(e) == ~there).all()
+
+
+@pytest.mark.parametrize(("black", "noise"), [(0, 7.0), (5, 7.0), (64, 0.2), (-40, 7.0)])
+def test_what_is_looked_up_evenly_is_the_table(black: float, noise: float) -> None:
+    """sRGB's curve is steepest where noise rounds it off; a hundredth of a step is what no capture shows."""
+    sensor = replace(_camera(black, Response.SRGB, 0).sensor, read_noise=noise)
+    curve = ResponseCurve(response=Response.SRGB)
+    x, y = cut.table(sensor, curve)
+    among = np.random.default_rng(4).uniform(x[0], x[-1], 100000)
+    assert cut.even(sensor, curve)(among) == pytest.approx(np.interp(among, x, y), abs=0.01)
+
+
+def test_beyond_its_ends_a_table_is_what_they_are() -> None:
+    even = cut.Even.of(np.array([1.0, 2.0, 4.0]), np.array([3.0, 5.0, 6.0]))
+    assert even(np.array([0.0, 1.0, 1.5, 3.0, 4.0, 9.0])) == pytest.approx([3, 3, 4, 5.5, 6, 6])
