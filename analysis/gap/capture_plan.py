@@ -41,6 +41,8 @@ from interchange.scene import Scene
 SEVERITY = 0.01  # rms of an effect over the signal
 ENOUGH = 9.0  # margin of log Z: odds of 20 at the temper of analysis.gap.evidence
 FULL = 0.7  # of the highest DN, for the brightest part of a capture
+DIM = 0.1  # of the highest DN: what stays below that in its brightest part tells little
+LONGEST = 10.0  # s: nobody waits longer, and what a sensor gathers in the dark would fill it
 MOST_VIEWS, WIDTH = 8, 160  # stands of cameras; px of the simulation
 LEAST, LITTLE = 5, 0.004  # captures; gain, of what is left, below which no more are added
 REPEATS = 4
@@ -53,7 +55,8 @@ Told = Callable[[str, float], None]
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A capture that could be taken. ``like``: the time code whose poses it has; ``time``: the one that the scene has
-    for it, None where there is none yet; ``lamps``: those that are on."""
+    for it, None where there is none yet; ``lamps``: those that are on; ``bright``: its brightest part, of the highest
+    DN over black."""
 
     camera: str
     like: float
@@ -61,6 +64,7 @@ class Candidate:
     lamps: tuple[str, ...]
     lighting: str
     exposure: float
+    bright: float
     stops: str = ""
 
     @property
@@ -282,15 +286,20 @@ def _candidates(
         base = 0.0
         for lighting, lamps in lightings.items():
             scene = _lit(whole, brightest, lamps)
-            exposure = _exposure(scene, camera, shown) if lamps else base
+            rate = _brightest(scene, camera, shown)
+            exposure = _exposure(rate) if lamps else base
             base = max(base, exposure)
             at_several = len(lamps) in (0, len(powered))  # all light, and the dark
             for stops, factor in (("", 1.0), (", a quarter", 0.25), (", four times", 4.0)):
                 if factor != 1 and not at_several:
                     continue
                 seconds = _rounded(factor * exposure)
+                if seconds > LONGEST:
+                    continue
                 time = _existing(scenes, name, like, lamps, whole)
-                candidates.append(Candidate(name, like, time, lamps, lighting, seconds, stops))
+                candidates.append(
+                    Candidate(name, like, time, lamps, lighting, seconds, rate * seconds, stops)
+                )
                 conditions.append(_condition(scene, replace(camera, t_exp=seconds), shown, candidates[-1]))
     return candidates, conditions
 
@@ -321,11 +330,15 @@ def _lit(scene: Scene, brightest: dict[str, Light], lamps: Sequence[str]) -> Sce
     return replace(scene, lights=lights)
 
 
-def _exposure(scene: Scene, camera: Camera, shown: Rendered) -> float:
-    """s, that brings the brightest part to ``FULL``."""
+def _brightest(scene: Scene, camera: Camera, shown: Rendered) -> float:
+    """1/s: of the highest DN over black, what the brightest part gathers in a second."""
     e = expected(shown.radiance(scene), camera)
-    bright = float(np.percentile(e.dn, 99.5)) - e.black
-    return _rounded(FULL * (e.top - e.black) / bright) if bright > 0 else 1.0
+    return max(float(np.percentile(e.dn, 99.5)) - e.black, 0.0) / (e.top - e.black)
+
+
+def _exposure(rate: float) -> float:
+    """s, that brings the brightest part to ``FULL``, if anyone can wait that long."""
+    return _rounded(min(FULL / rate, LONGEST)) if rate > 0 else 1.0
 
 
 def _rounded(seconds: float) -> float:

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(plan: Any) -> None:
-    from analysis.gap.capture_plan import advice, words
+    from analysis.gap.capture_plan import DIM, LONGEST, advice, words
 
     rows = []
     for k, p in enumerate(plan.captures):
@@ -79,6 +79,12 @@ def _print(plan: Any) -> None:
     print(
         f"With these, {plan.told} of {plan.pairs} pairs of effects are told apart where each is 1 % of the signal."
     )
+    for c in (p.candidate for p in plan.captures):
+        if c.lamps and not c.stops and c.bright < DIM:
+            print(
+                f"{c.name}: {c.exposure:g} s give its brightest part {100 * c.bright:.2g} % of the highest DN, and more "
+                f"than {LONGEST:g} s are not planned for. A brighter lamp, a wider aperture or more gain would tell more."
+            )
     left: dict[str, Any] = {}
     for pair in plan.confusable:
         left.setdefault(" and ".join(sorted((words(pair.effect), words(pair.rival)))), pair)
