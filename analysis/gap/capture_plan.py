@@ -28,6 +28,7 @@ from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
 from analysis.gap.normal_equations import equations, stride_for
+from analysis.gap.parallel import each
 from analysis.gap.radiance import Render, Rendered, arrangement, render_all
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term
@@ -158,8 +159,9 @@ class Margins:
             np.flatnonzero(np.equal(sizes, m)) for m in sorted(set(sizes))
         ]  # of effects of as many terms
 
-    def of(self, G: np.ndarray) -> np.ndarray:
-        """(n,) margins in nats of ``pairs``."""
+    def of(self, G: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+        """(n,) margins in nats of ``pairs``; those that are told apart by ``known``, of fewer captures, are as there:
+        more captures take nothing from them."""
         D = self.spike
         C = np.linalg.inv(np.eye(len(D)) + G * D[:, None] * D[None, :])  # in units of the spikes
         ratio = self.slab / D
@@ -169,9 +171,17 @@ class Margins:
             i = np.stack([own[k] for k in places])  # (n, m)
             groups.append((places, i, np.linalg.inv(C[i[:, :, None], i[:, None, :]])))
         out = np.zeros((1 + len(own), len(own)))
+        if known is not None:
+            out.reshape(-1)[self._told] = known
+        wanted = (out < ENOUGH) & self._told.reshape(out.shape)
         for row, rival in enumerate((None, *own)):
+            if not wanted[row].any():
+                continue
             V = self._freed(C, ratio, rival)
-            for places, i, P in groups:
+            for group in groups:
+                places, i, P = (x[wanted[row][group[0]]] for x in group)
+                if not len(places):
+                    continue
                 if V.shape[1] < i.shape[1]:  # by Woodbury's formula
                     U = P @ V[i]
                     inner = np.linalg.inv(np.eye(V.shape[1]) + V[i].transpose(0, 2, 1) @ U)
@@ -207,7 +217,8 @@ def _greedy(
     planned: list[Planned] = []
     for step in range(min(most, len(candidates))):
         rest = [k for k in range(len(candidates)) if k not in chosen]
-        tried = {k: margins.of(G + parts[k]) for k in rest}
+        found = each(lambda k, G=G, now=now: margins.of(G + parts[k], now), rest)  # type: ignore[misc]
+        tried = dict(zip(rest, found, strict=True))
         gain = {
             k: float(np.minimum(m, ENOUGH).sum() - np.minimum(now, ENOUGH).sum()) for k, m in tried.items()
         }
