@@ -152,6 +152,7 @@ class Evidence:
         A = np.eye(len(terms)) + equations.G * self.spike[:, None] * self.spike[None, :]
         self.C, half_log_det = inverse(A)
         self.constant = 0.5 * equations.log_w - half_log_det
+        self._ratios: dict[tuple[Cause, float], np.ndarray] = {}
         self._residuals: dict[frozenset[Cause], tuple[np.ndarray, np.ndarray, float]] = {}
         self.nothing = self.leant = Widened(self, {}, np.array([], int), np.array([]))
         self._averaged: dict[tuple[Cause, frozenset[Cause]], float] = {}
@@ -180,13 +181,19 @@ class Evidence:
         ``given``."""
         if not causes:
             return np.array([], int), np.array([])
-        ratios = []
-        for cause, slab in zip(causes, slabs, strict=True):
+        ratios = [
+            given[c] if c in given else self._ratio(c, slab) for c, slab in zip(causes, slabs, strict=True)
+        ]
+        return np.concatenate([self.members[c] for c in causes]), np.concatenate(ratios)
+
+    def _ratio(self, cause: Cause, slab: float) -> np.ndarray:
+        """How many times wider than its spike each term of a cause is."""
+        if (cause, slab) not in self._ratios:
             i = self.members[cause]
             ratio = np.clip(slab * self.part[i] / self.together[i] / self.spike[i], 2.0, UNSEEN)
             widest = FURTHEST if slab == FAR else WIDEST
-            ratios.append(given.get(cause, np.where(self.relative[i], ratio, np.minimum(ratio, widest))))
-        return np.concatenate([self.members[c] for c in causes]), np.concatenate(ratios)
+            self._ratios[cause, slab] = np.where(self.relative[i], ratio, np.minimum(ratio, widest))
+        return self._ratios[cause, slab]
 
     def at(self, causes: Iterable[Cause], slabs: Sequence[float]) -> Hypothesis:
         """One hypothesis, with a slab for each cause."""

@@ -6,7 +6,7 @@ import weakref
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack, lu_factor, lu_solve
+from scipy.linalg import lapack
 
 from analysis.gap.terms import Cause
 
@@ -37,9 +37,8 @@ class Widened:
     def C(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """A part of the covariance in units of spikes."""
         whole = self.evidence.C
-        return np.asarray(
-            whole[np.ix_(rows, columns)] - whole[np.ix_(rows, self.wide)] @ self.gone[:, columns]
-        )
+        part: np.ndarray = whole[rows[:, None], columns]
+        return part - whole[rows[:, None], self.wide] @ self.gone[:, columns] if len(self.wide) else part
 
     def standing(self, absent: frozenset[Cause]) -> tuple[np.ndarray, float]:
         """C b (q,) and log Z of a hypothesis that lacks ``absent`` of the causes in force."""
@@ -57,22 +56,24 @@ def woodbury(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarra
     delta = ratio**-2 - 1.0
     inner = delta[:, None] * C
     inner[np.diag_indices(len(z))] += 1.0
-    lu, pivots = lu_factor(inner, overwrite_a=True, check_finite=False)
-    log_det = float(np.log(np.abs(np.diag(lu))).sum())
-    return np.asarray(lu_solve((lu, pivots), delta * z, check_finite=False)), log_det
+    lu, _, solved, wrong = lapack.dgesv(inner, delta * z)  # hundreds of small ones: wrappers take more than it does
+    if wrong:
+        raise np.linalg.LinAlgError(f"A matrix of {len(z)} terms must not be singular.")
+    return np.asarray(solved), float(np.log(np.abs(lu.diagonal())).sum())
 
 
 def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
     """Of I and a matrix whose eigenvalues are 0 or more, and half the logarithm of its determinant; a third of the work
     of solving for every column. What rounding of large eigenvalues takes off small ones is put back."""
-    factor, wrong = lapack.dpotrf(A, lower=1, clean=1)
+    factor, wrong = lapack.dpotrf(A.T, lower=1, clean=1)  # A, as LAPACK lays it out
     if wrong:
         values, vectors = np.linalg.eigh(A)
         if values[0] < -ROUNDED * values[-1]:
             raise np.linalg.LinAlgError(f"A matrix of {len(A)} terms must be positive definite.")
         values = np.maximum(values, 1.0)
         return (vectors / values) @ vectors.T, 0.5 * float(np.log(values).sum())
-    inverse = lapack.dpotri(factor, lower=1)[0]
-    inverse += inverse.T
-    inverse[np.diag_indices(len(A))] /= 2
-    return inverse, float(np.log(np.diag(factor)).sum())
+    half_log_det = float(np.log(factor.diagonal()).sum())
+    lower = lapack.dpotri(factor, lower=1, overwrite_c=1)[0]
+    whole: np.ndarray = lower + lower.T
+    whole[np.diag_indices(len(A))] /= 2
+    return whole, half_log_det

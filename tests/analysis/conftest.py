@@ -3,9 +3,10 @@ with captures (tests.analysis.gap_bench)."""
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -22,7 +23,12 @@ from realtime.renderers.rasterizer import Rasterizer
 from tests.analysis.gap_bench import Rig, little_bench, rig_in
 
 WIDTH, HEIGHT = 128, 96
-Bench = Callable[[Path, dict[int, str], int], list[Condition]]
+
+
+class Bench(Protocol):
+    def __call__(
+        self, folder: Path, shots: dict[int, str], spots: int, without: Sequence[str] = ()
+    ) -> list[Condition]: ...
 
 
 @pytest.fixture(scope="session")
@@ -47,15 +53,15 @@ def rig(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
 
 @pytest.fixture(scope="session")
 def small_bench(rasterizer: Rasterizer, kept: Path) -> Bench:
-    """(folder, {time: camera}, spots of a pixel) to its conditions, rendered."""
+    """(folder, {time: camera}, spots of a pixel) to its conditions, rendered; ``without`` some of its things."""
 
-    def made(folder: Path, shots: dict[int, str], spots: int) -> list[Condition]:
+    def made(folder: Path, shots: dict[int, str], spots: int, without: Sequence[str] = ()) -> list[Condition]:
         def render(
             scene: Scene, camera: Camera, passes: Sequence[str], per_light: bool, parts: int, paths: Paths
         ) -> Image:
             return rasterizer.render(scene, camera, passes, per_light, max(spots // parts, 1))
 
-        little_bench(folder / "scene.usda", WIDTH, HEIGHT)
+        little_bench(folder / "scene.usda", WIDTH, HEIGHT, without)
         for time in shots:
             images.write(folder / f"{time}.png", np.ones((HEIGHT, WIDTH, 3), np.uint16))
         entries = [

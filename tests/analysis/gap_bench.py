@@ -27,6 +27,7 @@ from interchange.image import Image
 
 BENCH = Path(__file__).parents[2] / "assets/bench_sample/scene.usda"
 WIDTH, HEIGHT = 112, 84
+SAMPLES = 8
 TIMES = (0, 1, 4, 6, 7, 10, 12, 13, 15)
 EXPOSURE = dict.fromkeys((6, 7, 13), 0.5) | {10: 0.25}
 
@@ -56,20 +57,21 @@ def camera_at(time: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """``truth``: what ``document`` shows at each of ``TIMES``, by the diagnosis's own renderer, which is not what is
+    """``truth``: what ``document`` shows at each of ``times``, by the diagnosis's own renderer, which is not what is
     tested. ``cache`` holds what was rendered."""
 
     folder: Path
     document: Document
     truth: list[Rendered]
     cache: Path
+    times: tuple[int, ...]
 
     def captured(self, name: str, effects: Sequence[Effect], reflected: float = 0.0) -> Captures:
         """Written to ``folder / name``, and read; with ``reflected`` times the light that the renderer leaves out."""
         rng = np.random.default_rng(3)
         entries = []
         (self.folder / name).mkdir(exist_ok=True)
-        for time, shown in zip(TIMES, self.truth, strict=True):
+        for time, shown in zip(self.times, self.truth, strict=True):
             scene = self.document.scene(time)
             camera = scene.camera(camera_at(time))
             camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
@@ -90,7 +92,7 @@ class Rig:
         with half of the spots, as most of the time goes there."""
         where = self.folder / out
         where.mkdir(exist_ok=True)
-        samples = 16 // binning**2
+        samples = SAMPLES // binning**2
         with (
             patch.object(knots, "FINER", 1),
             renderer("realtime", samples, reflected, binning) as (render, settings),
@@ -107,14 +109,20 @@ class Rig:
             )
 
 
-def rig_in(folder: Path, cache: Path, without: Sequence[str] = (), reflected: bool = True) -> Rig:
+def rig_in(
+    folder: Path,
+    cache: Path,
+    without: Sequence[str] = (),
+    reflected: bool = True,
+    times: tuple[int, ...] = TIMES,
+) -> Rig:
     """``without``: what the bench has besides three of its lamps; ``reflected``: whether it shows light by way of
     surfaces."""
     little_bench(folder / "scene.usda", WIDTH, HEIGHT, without=("LED2", "LED3", "LED5", *without))
     document = open_scene(folder / "scene.usda")
-    views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, TIMES)]
-    with renderer("realtime", 16, reflected) as (render, settings):
-        return Rig(folder, document, render_all(views, render, settings, cache), cache)
+    views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, times)]
+    with renderer("realtime", SAMPLES, reflected) as (render, settings):
+        return Rig(folder, document, render_all(views, render, settings, cache), cache, times)
 
 
 def of_their_own(rig: Rig, seed: int) -> tuple[list[Condition], list[np.ndarray], list[np.ndarray]]:

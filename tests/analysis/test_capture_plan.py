@@ -164,9 +164,7 @@ def test_the_skeleton_is_a_captures_file_once_images_are_there(
     )  # it was not touched
 
 
-def test_nobody_waits_for_a_lamp_that_is_too_weak(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nobody_waits_for_a_lamp_that_is_too_weak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "weak.usda").write_text(PLATE.replace("inputs:intensity = 36", "inputs:intensity = 0.02"))
     words = ["capture-plan", str(tmp_path / "weak.usda"), "--out", str(tmp_path / "rig"), "--most", "3"]
     assert main([*words, "--cache", str(tmp_path / "cache")]) == 0

@@ -29,7 +29,7 @@ from interchange.exposure import expose
 from interchange.formats import captures as captures_file
 from interchange.formats.document import open_scene
 from interchange.image import Image
-from tests.analysis.gap_bench import TIMES, Rig, camera_at
+from tests.analysis.gap_bench import SAMPLES, TIMES, Rig, camera_at
 
 TRUTH = Vignetting(a2=-0.22, a4=0.04)
 ASIDE = PrincipalPoint(cx=0.08, cy=-0.05)  # px: what calibration may be off by, on every edge
@@ -251,7 +251,7 @@ def test_light_adds_up_and_is_rendered_once(rig: Rig) -> None:
     def never(*given: object) -> Image:
         raise AssertionError("what the cache holds must not be rendered")
 
-    with renderer("realtime", 16) as (_, settings):
+    with renderer("realtime", SAMPLES) as (_, settings):
         views = [(s, s.camera(camera_at(s.time))) for s in map(rig.document.scene, TIMES)]
         again = render_all(views, never, settings, rig.cache)
     assert np.array_equal(again[0].lamps["/World/LED0"], rig.truth[0].lamps["/World/LED0"])
@@ -321,7 +321,14 @@ def test_the_command_writes_all_three(
     data = json.loads((rig.folder / "null" / "captures.json").read_text())
     data["captures"] = [data["captures"][i] for i in (0, 2, 3, 7)]
     (rig.folder / "null" / "few.json").write_text(json.dumps(data))
-    words = ["diagnose", str(rig.folder / "null" / "few.json"), "--render", "realtime", "--samples", "16"]
+    words = [
+        "diagnose",
+        str(rig.folder / "null" / "few.json"),
+        "--render",
+        "realtime",
+        "--samples",
+        str(SAMPLES),
+    ]
     out = rig.folder / "command"
     assert main([*words, "--out", str(out), "--cache", str(rig.cache)]) == 0
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "none"

@@ -7,7 +7,7 @@ import pytest
 from analysis.gap import radiance
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.renderers import renderer
-from tests.analysis.gap_bench import Rig
+from tests.analysis.gap_bench import SAMPLES, Rig
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_on_a_large_sensor_it_is_traced_on_a_coarser_grid(rig: Rig, monkeypatch:
     found = []
     for most in (width * height, width * height // 9):
         monkeypatch.setattr(radiance, "TRACED", most)
-        with renderer("realtime", 16) as (render, settings):
+        with renderer("realtime", SAMPLES) as (render, settings):
             found += radiance.render_all([(scene, camera)], render, settings, rig.cache)
     fine, coarse = found
     near = np.ones((7, 7), np.uint8)

@@ -19,7 +19,7 @@ from analysis.gap.terms import Term
 from analysis.gap.turned import SHIFTING, alike, unexplained
 from interchange.captures import Tolerances
 from interchange.effects.principal_point import PrincipalPoint
-from tests.analysis.gap_bench import TIMES, Rig, camera_at
+from tests.analysis.gap_bench import SAMPLES, TIMES, Rig, camera_at
 
 POSE, POINT = ("camera_pose", "/Camera at (0, 0, 300) mm"), ("principal_point", "/Camera")
 ELSEWHERE = ("camera_pose", "/Camera at (90, 0, 300) mm")
@@ -107,7 +107,7 @@ def test_captures_do_not_tell_a_shift_of_the_image_from_a_turn(rig: Rig) -> None
     off = PrincipalPoint(cx=0.4, cy=-0.2)
     scenes = [off.on_scene(rig.document.scene(t), "/World/Camera0") for t in TIMES]
     views = [(s, s.camera(camera_at(t))) for s, t in zip(scenes, TIMES, strict=True)]
-    with renderer("realtime", 16) as (render, settings):
+    with renderer("realtime", SAMPLES) as (render, settings):
         moved = replace(rig, truth=render_all(views, render, settings, rig.cache))
     given = conditions(moved.captured("a shift", ()), rig.document)
     shown = {(t, camera_at(t)): r for t, r in zip(TIMES, rig.truth, strict=True)}

@@ -24,7 +24,8 @@ from interchange.parameter import parameter
 from tests.analysis.gap_bench import little_bench
 
 WIDTH, HEIGHT = 112, 84
-TIMES = (0, 1, 2, 4, 6, 10, 12)
+TIMES = (0, 1, 4, 6, 8, 10, 12)
+EXPOSURE = {8: 0.25, 10: 0.5}
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Pattern(Effect):
 @pytest.fixture(scope="module")
 def document(tmp_path_factory: pytest.TempPathFactory) -> Document:
     file = tmp_path_factory.mktemp("unknown") / "scene.usda"
-    little_bench(file, WIDTH, HEIGHT)
+    little_bench(file, WIDTH, HEIGHT, without=("LED2", "LED3", "LED5"))
     return open_scene(file)
 
 
@@ -69,7 +70,7 @@ def _conditions(document: Document, shown: list[Rendered], effects: list[Effect]
         scene = document.scene(time)
         camera = scene.camera("/World/Camera0")
         camera = replace(camera, sensor=replace(camera.sensor, prnu=0.0))
-        t_exp = 0.5 if time == 6 else 1.0
+        t_exp = EXPOSURE.get(time, 1.0)
         dn = expose(Image(rendered.radiance(scene)), camera, t_exp, rng=rng, effects=effects).pixels
         captures.append(Capture(f"{time}.png", camera.name, time, t_exp, dn.astype(np.float32)))
     found = conditions(Captures(document.path, document.path, tuple(captures)), document)
@@ -110,14 +111,14 @@ def test_light_that_columns_gather_is_no_glare(fitted: Fitted) -> None:
     assert [c for c, p in found.probability.items() if p > 0.5] == [(SMEAR[0], "")]
     index = found.evidence.members[SMEAR[0], ""]
     amount = {found.terms[i].parameter: found.theta[i] for i in index}
-    assert amount[GATHERED] == pytest.approx(0.01, rel=0.15)  # one condition of seven tells the two apart
+    assert amount[GATHERED] == pytest.approx(0.01, rel=0.15)  # two conditions of seven tell the two apart
     assert amount[FOLLOWING] == pytest.approx(0.0, abs=0.0015)
 
 
 def test_smear_is_the_mean_of_a_line(document: Document, shown: list[Rendered]) -> None:
     """A share of it at every exposure, or what half the exposure has twice as much of, which is not less than nothing;
     rows as columns."""
-    whole, half = (State(c) for c in _conditions(document, shown, []) if c.name in ("0.png", "6.png"))
+    whole, half = (State(c) for c in _conditions(document, shown, []) if c.name in ("0.png", "10.png"))
     terms = generic_terms([whole.condition, half.condition], Tolerances())
     for axis, cause in SMEAR.items():
         field = {t.parameter: t.field for t in terms if t.cause == cause}
