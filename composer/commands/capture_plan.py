@@ -82,8 +82,9 @@ def _print(plan: Any) -> None:
     for c in (p.candidate for p in plan.captures):
         if c.lamps and not c.stops and c.bright < DIM:
             print(
-                f"{c.name}: {c.exposure:g} s give its brightest part {100 * c.bright:.2g} % of the highest DN, and more "
-                f"than {LONGEST:g} s are not planned for. A brighter lamp, a wider aperture or more gain would tell more."
+                f"{c.name}: {c.exposure:g} s give its brightest part {100 * c.bright:.2g} % of the highest DN, and "
+                f"more than {LONGEST:g} s are not planned for. A brighter lamp, a wider aperture or more gain "
+                "would tell more."
             )
     left: dict[str, Any] = {}
     for pair in plan.confusable:

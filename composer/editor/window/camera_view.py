@@ -46,6 +46,8 @@ class CameraView:
     shown: Image | None = None
     offline: Image | None = None
     histogram: np.ndarray = field(default_factory=lambda: np.zeros((1, BINS), np.float32))
+    told: str = ""  # below the picture
+    saturated: float = 0.0  # share of its values
     gain: float = 1.0
     stretch: float = 1.0
     full: bool = False
@@ -243,7 +245,7 @@ class CameraView:
         display.draw(plain if dn else Look.FALSE_COLOR, self.gain * stretch if dn else self.gain)
 
     def _measure(self, image: Image) -> None:
-        """Histogram and gain of what is shown."""
+        """Histogram, gain and what is written below of what is shown: once, as frames are drawn more often."""
         if image.quantity is Quantity.DN and image.camera is not None:
             top = float(2**image.camera.sensor.bits_out - 1)
         else:
@@ -255,6 +257,12 @@ class CameraView:
         sample = image.pixels.reshape(-1, image.pixels.shape[2])[::step]
         counts = [np.histogram(sample[:, c], BINS, (0, top * (1 + 1e-6)))[0] for c in range(sample.shape[1])]
         self.histogram = np.log1p(np.array(counts, np.float32))
+        mean = float(image.pixels.mean())
+        if image.quantity is Quantity.DN:
+            self.told = f"DN  0 … {top:.0f}   mean {mean:.0f}"
+            self.saturated = float((image.pixels >= top).mean())
+        else:
+            self.told, self.saturated = f"0 … {top:.4g} W/(m² sr)   mean {mean:.4g}", 0.0
 
     def _start(self, camera: Camera) -> None:
         if self.state.job is not None and self.state.job.running:
@@ -345,22 +353,13 @@ class CameraView:
             points: list[Any] = [imgui.ImVec2(float(a), float(b)) for a, b in zip(xs, ys, strict=True)]
             draw.add_polyline(points, theme.color32(rgba), 1.3, 0)
         imgui.dummy(imgui.ImVec2(width, height))
-        image = self.shown
-        if image is None:
-            return
         if self.hidden.text:
             imgui.text_disabled(self.hidden.text)
             return
-        if image.quantity is Quantity.DN:
-            most = 2 ** (image.camera.sensor.bits_out if image.camera else 8) - 1
-            over = float((image.pixels >= most).mean())
-            text = f"DN  0 … {most}   mean {image.pixels.mean():.0f}"
-            imgui.text_disabled(text)
-            if over > 0.001:
-                imgui.same_line()
-                imgui.text_colored(imgui.ImVec4(*theme.WARN), f"{100 * over:.1f} % saturated")
-        else:
-            imgui.text_disabled(f"0 … {1 / self.gain:.4g} W/(m² sr)   mean {image.pixels.mean():.4g}")
+        imgui.text_disabled(self.told)
+        if self.saturated > 0.001:
+            imgui.same_line()
+            imgui.text_colored(imgui.ImVec4(*theme.WARN), f"{100 * self.saturated:.1f} % saturated")
 
     def _under_cursor(self, low: Any, scale: float, width: float) -> None:
         mouse = imgui.get_mouse_pos()
