@@ -248,7 +248,7 @@ def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, ra
     search = Search(captured, terms, knots, lambda what, share: None)
     members: dict[tuple[str, str], list[int]] = {}
     for i, term in enumerate(terms):
-        if term.cause in ("object_pose", "camera_pose"):
+        if term.candidate == ("object_pose", BRACKET) or term.cause == "camera_pose":
             members.setdefault(term.candidate, []).append(i)
     causes = {c: np.array(i) for c, i in members.items()}
     one = next(a for a in approaches(search, causes) if a.cause == ("object_pose", BRACKET))
