@@ -89,12 +89,13 @@ class Rig:
 
     def diagnosed(self, captures: Captures, out: str, binning: int = 1, reflected: bool = True) -> Diagnosed:
         """``reflected``: whether light that the renderer leaves out is traced. What things that move change is rendered
-        with half of the spots, as most of the time goes there."""
+        with a quarter of the spots, as most of the time goes there."""
         where = self.folder / out
         where.mkdir(exist_ok=True)
         samples = SAMPLES // binning**2
         with (
             patch.object(knots, "FINER", 1),
+            patch.object(knots, "MANY", SAMPLES),
             renderer("realtime", samples, reflected, binning) as (render, settings),
         ):
             return diagnose(

@@ -57,8 +57,9 @@ def knots(kept: Path, rasterizer: Rasterizer) -> Knots:
 
 @pytest.fixture
 def coarser(monkeypatch) -> None:
-    """Half of the spots, for what takes hundreds of renderings."""
+    """A quarter of the spots, for what takes hundreds of renderings."""
     monkeypatch.setattr(knots_of, "FINER", 1)
+    monkeypatch.setattr(knots_of, "MANY", MANY // 2)
 
 
 def drawn(found, rasterizer, effect) -> list[Condition]:
