@@ -9,6 +9,7 @@ and tables (measured values that the formula looks up).
 
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,24 @@ class Parameter:
     meaning: str
     kind: Kind = Kind.FLOAT
     per_lobe: bool = False  # a list with one entry a lobe
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        """As files hold them, in single precision, if that is further out."""
+        return min(self.low, float(np.float32(self.low))), max(self.high, float(np.float32(self.high)))
+
+    def is_frozen(self, value: Any) -> bool:
+        """Whether a value is what ``freeze`` would make of it: most are, as models are made of other models."""
+        low, high = self.bounds
+        if self.per_lobe:
+            return False
+        if self.kind is Kind.FLOAT:
+            return type(value) is float and low <= value <= high
+        return (
+            type(value) is tuple
+            and len(value) == 3
+            and all(type(x) is float and low <= x <= high for x in value)
+        )
 
 
 @dataclass(frozen=True)
@@ -89,16 +108,25 @@ def table(default: Table, symbol: str, unit: str, meaning: str) -> Any:
 
 
 def settings(model: Any) -> dict[str, Setting]:
-    return {f.name: f.metadata["setting"] for f in fields(model) if "setting" in f.metadata}
+    return dict(_declared(_class(model), "setting"))
 
 
 def tables(model: Any) -> dict[str, TableOf]:
-    return {f.name: f.metadata["table"] for f in fields(model) if "table" in f.metadata}
+    return dict(_declared(_class(model), "table"))
 
 
 def parameters(model: Any) -> dict[str, Parameter]:
     """The declared parameters of a model or of its class, by field name, in the order of declaration."""
-    return {f.name: f.metadata["parameter"] for f in fields(model) if "parameter" in f.metadata}
+    return dict(_declared(_class(model), "parameter"))
+
+
+def _class(model: Any) -> Any:
+    return model if isinstance(model, type) else type(model)
+
+
+@cache
+def _declared(model: Any, what: str) -> dict[str, Any]:
+    return {f.name: f.metadata[what] for f in fields(model) if what in f.metadata}
 
 
 def freeze(model: Any) -> None:
@@ -109,7 +137,9 @@ def freeze(model: Any) -> None:
     """
     wrong: list[str] = []
     lobes: dict[str, int] = {}
-    for name, about in parameters(model).items():
+    for name, about in _declared(_class(model), "parameter").items():
+        if about.is_frozen(getattr(model, name)):
+            continue
         label = f"{type(model).__name__}.{name} ({about.symbol}, {about.meaning})"
         unit = "" if about.unit == "1" else f" {about.unit}"
         try:
@@ -127,15 +157,14 @@ def freeze(model: Any) -> None:
         if value.shape != shape:
             wrong.append(f"{label} must have shape {shape}; got {value.shape}.")
             continue
-        low = min(about.low, float(np.float32(about.low)))  # files hold single precision
-        high = max(about.high, float(np.float32(about.high)))
+        low, high = about.bounds
         outside = value[~((value >= low) & (value <= high))]  # written so that NaN is outside
         if outside.size:
             wrong.append(
                 f"{label} must lie in [{about.low:g}, {about.high:g}]{unit}; got {outside.flat[0]:g}{unit}."
             )
         object.__setattr__(model, name, as_tuple(value))
-    for name, rule in settings(model).items():
+    for name, rule in _declared(_class(model), "setting").items():
         number = getattr(model, name)
         label = f"{type(model).__name__}.{name} ({rule.symbol}, {rule.meaning})"
         if not isinstance(number, int | float | np.integer) or number != int(number):
@@ -144,7 +173,7 @@ def freeze(model: Any) -> None:
             wrong.append(f"{label} must lie in [{rule.low}, {rule.high}]; got {number}.")
         else:
             object.__setattr__(model, name, int(number))
-    for name, content in tables(model).items():
+    for name, content in _declared(_class(model), "table").items():
         try:
             object.__setattr__(model, name, Table.of(getattr(model, name)))
         except ValueError as error:
