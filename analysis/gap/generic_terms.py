@@ -14,6 +14,7 @@ from analysis.gap.chain_terms import differ
 from analysis.gap.conditions import Condition
 from analysis.gap.left import EDGED, SMOOTH, UNNAMED, falling
 from analysis.gap.state import State
+from analysis.gap.stripe_terms import WAVES, stripe_terms
 from analysis.gap.terms import Cells, Family, Field, Term, in_cells
 from interchange.captures import Tolerances
 
@@ -27,13 +28,11 @@ SLOWEST, COLORED = (
     0.5,
 )  # cosines of what channels' flat fields differ by, and how much of the tolerance that is
 UNEVEN = 0.5  # of an albedo's tolerance: how uneven a surface may be that is right on the whole
-PERIODS = 3  # of stripes that are tried
 DARK = 1e-3  # DN above black of a whole image that shows nothing
 AROUND = 1 / 12  # of the image's width: the surroundings of a pixel
 
 FACTOR, OFFSET = "fixed to the image, multiplicative", "fixed to the image, additive"
 SPOT, GLOW = "fixed to places of the image, multiplicative", "fixed to places of the image, additive"
-WAVES = "stripes fixed to the image"
 FIXED_TO_THE_IMAGE = (FACTOR, OFFSET, SPOT, GLOW, WAVES)
 SHARP = "edges sharper than the lens gives them"
 BLURS = ("defocus", "motion_blur")
@@ -84,7 +83,7 @@ def generic_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> li
         _term(CAPTURE, c.name, "gain", DRIFTS * t.light_intensity, _capture(c.name)) for c in conditions
     ]
     for camera in cameras:
-        terms += _waves(camera, conditions, seldom)
+        terms += stripe_terms(camera, conditions, seldom, ORDER + 2)
     return [*terms, *_places(cameras, conditions)]
 
 
@@ -263,54 +262,3 @@ def _quarters(name: str) -> Cells:
         return (*_hats(s, 4, 3), s.signal) if s.condition.name == name else None
 
     return cells
-
-
-def _waves(camera: str, conditions: Sequence[Condition], spike: float) -> list[Term]:
-    """Waves over the image at the frequencies where what the captures have beyond the simulation, over the signal, is
-    strongest: ``ways`` counts those that were looked at."""
-    own = [c for c in conditions if c.camera.name == camera]
-    h, w, channels = own[0].mean.shape
-    numerator, denominator = np.zeros((h, w, channels)), np.zeros((h, w, channels))
-    for c in own:
-        model = c.simulated()
-        s = np.where(c.compared[..., None], np.maximum(model.dn - model.black, 0), 0).astype(np.float64)
-        dy, dx = np.gradient(model.dn, axis=(0, 1))
-        weight = 1 / np.maximum(model.variance + (0.01 * s) ** 2 + 0.1 * (dx**2 + dy**2), 1e-12)
-        numerator += weight * s * np.where(s > 0, c.mean - model.dn, 0)
-        denominator += weight * s * s
-    # what a wave of each frequency explains; what goes with the signal alone would leak from frequency 0
-    numerator -= numerator.sum(axis=(0, 1)) / np.maximum(denominator.sum(axis=(0, 1)), 1e-30) * denominator
-    window = np.hanning(h)[:, None, None] * np.hanning(w)[:, None]
-    spectrum = np.fft.rfft2(numerator * window, axes=(0, 1))
-    power = (np.abs(spectrum) ** 2).sum(axis=2)
-    fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
-    cycles = np.hypot(fy * h, fx * w)
-    power[cycles < ORDER + 2] = 0  # slower waves are smooth
-    if not power.any():
-        return []
-    peak = power >= cv2.dilate(power, np.ones((3, 3)))
-    terms = []
-    for k in np.argsort(-np.where(peak, power, 0), axis=None)[:PERIODS]:
-        j, i = np.unravel_index(k, power.shape)
-        u, v = float(fx[0, i]), float(fy[j, 0])
-        angle = np.degrees(np.arctan2(v, u)) % 180
-        name = f"{camera} period {1 / np.hypot(u, v):.1f} px at {angle:.0f} degrees"
-        for phase, word in ((0.0, "cos"), (0.5, "sin")):
-            for channel in range(channels):
-                terms.append(
-                    Term(WAVES, name, f"{word} {channel}", "1", spike, _wave(camera, u, v, phase, channel), True,
-                         generic=True, ways=int((power > 0).sum()) // PERIODS)
-                )  # fmt: skip
-    return terms
-
-
-def _wave(camera: str, u: float, v: float, phase: float, channel: int) -> Field:
-    def field(s: State) -> np.ndarray | None:
-        if s.camera.name != camera:
-            return None
-        wave = np.cos(2 * np.pi * (u * s.grid[0] + v * s.grid[1]) - np.pi * phase).astype(np.float32)
-        out = np.zeros_like(s.signal)
-        out[..., channel] = s.signal[..., channel] * wave
-        return out
-
-    return field
