@@ -318,6 +318,7 @@ def test_the_command_writes_all_three(
     rig: Rig, null: Diagnosed, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(knots, "FINER", 1)  # as the rig's, whose renderings are read
+    monkeypatch.setattr(knots, "MANY", SAMPLES)
     data = json.loads((rig.folder / "null" / "captures.json").read_text())
     data["captures"] = [data["captures"][i] for i in (0, 2, 3, 7)]
     (rig.folder / "null" / "few.json").write_text(json.dumps(data))

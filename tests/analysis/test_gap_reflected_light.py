@@ -42,7 +42,7 @@ def test_it_says_what_draws_it(found: Diagnosed) -> None:
 def test_on_a_large_sensor_it_is_traced_on_a_coarser_grid(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Away from what a coarser pixel shows two surfaces of it is the same within the denoiser's 1 % of the signal."""
     scene = rig.document.scene(0)
-    camera = scene.camera("/World/Camera0").resized(240)
+    camera = scene.camera("/World/Camera0").resized(180)
     width, height = camera.sensor.resolution
     found = []
     for most in (width * height, width * height // 9):
