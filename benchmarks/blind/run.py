@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from queue import Queue
 
@@ -127,12 +127,11 @@ def main() -> None:
             jobs = [
                 pool.submit(one, c, args.out / c.name, cache, args.render, args.option, cores) for c in group
             ]
-            for job in jobs:
+            for job in as_completed(jobs):  # a long one holds up nobody's record
                 name, seconds, code, last = job.result()
                 count += 1
-                record = {"case": name, "seconds": round(seconds, 1), "code": code}
                 with log.open("a") as file:
-                    file.write(json.dumps(record) + "\n")
+                    file.write(json.dumps({"case": name, "seconds": round(seconds, 1), "code": code}) + "\n")
                 print(f"{count}/{len(todo)} {name} {seconds:.0f} s {last}", flush=True)
 
 
