@@ -14,6 +14,7 @@ T-optimality: Atkinson, Fedorov: The design of experiments for discriminating be
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -217,7 +218,7 @@ def _greedy(
     planned: list[Planned] = []
     for step in range(min(most, len(candidates))):
         rest = [k for k in range(len(candidates)) if k not in chosen]
-        found = each(lambda k, G=G, now=now: margins.of(G + parts[k], now), rest)  # type: ignore[misc]
+        found = each(partial(margins.of, known=now), [G + parts[k] for k in rest])
         tried = dict(zip(rest, found, strict=True))
         gain = {
             k: float(np.minimum(m, ENOUGH).sum() - np.minimum(now, ENOUGH).sum()) for k, m in tried.items()

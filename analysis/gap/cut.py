@@ -119,7 +119,7 @@ def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray]
     return x, y
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=32)  # of 2 MB at most
 def even(sensor: Sensor, curve: ResponseCurve) -> Even:
     """``table``, to look up in."""
     return Even.of(*table(sensor, curve))

@@ -21,7 +21,6 @@ Woodbury: Inverting modified matrices. 1950.
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -38,10 +37,6 @@ SLABS = (0.01, 0.03, 0.1)  # rms of an effect over the signal
 FAR = 0.3  # the same, of what stands elsewhere: edges that are off by their width change an image by as much
 SLIGHT = 0.004  # the same, of effects that have a formula: what has a number for each place would be noise with that
 TAU = 1.0
-TOP = 12  # causes that are tried in pairs with all others
-MOST = 5  # causes of a hypothesis
-MOST_GENERIC = 2  # of them without a name
-ENOUGH = 3.0  # gain of log Z that keeps a further cause
 WIDEST = 40.0  # times its tolerance that a calibrated number may be off
 REACH = 2.0  # spikes, or standard deviations, that a term may be below what it may be
 UNSEEN = 1e6  # times as wide as what shows nothing, but for rounding, is at most: 1 - UNSEEN⁻² is not 1
@@ -347,59 +342,3 @@ class Evidence:
             k = int(np.argmax([h.log_Z for h in options]))
             slabs[i] = self.slabs[cause][k]
         return self.at(causes, slabs)
-
-    def search(self) -> list[Hypothesis]:
-        """None, singles, pairs of the best with all; then the best one changed by one cause as long as that helps,
-        and all parts of it. Best first."""
-        none = self.at((), ())
-        singles = [self.best((c,), {}) for c in self.members]
-        width = {h.causes[0]: h.slabs[0] for h in singles}
-        singles.sort(key=lambda h: -h.score)
-        found: dict[tuple[Cause, ...], Hypothesis] = {h.causes: h for h in [none, *singles]}
-
-        def tried(causes: Iterable[Cause]) -> Hypothesis | None:
-            causes = tuple(sorted(causes))
-            first = [self.terms[self.members[c][0]] for c in causes]
-            names = [t.cause for t in first]
-            apart = any((t.form and names.count(t.cause) > 1) or set(t.against) & set(names) for t in first)
-            if apart or sum(t.generic for t in first) > MOST_GENERIC:
-                return None
-            if causes not in found:
-                found[causes] = self.best(causes, width)
-            return found[causes]
-
-        def beside(causes: tuple[Cause, ...]) -> list[Hypothesis | None]:
-            """``causes`` with one more."""
-            self.lean(causes, width)
-            return [tried((*causes, c)) for c in self.members if c not in causes]
-
-        if singles and singles[0].score > none.score:
-            for h in singles[:TOP]:
-                beside(h.causes)
-        current = max(found.values(), key=lambda h: h.score)
-        for _ in range(2 * MOST):
-            now = current.causes
-            near = beside(now) if len(now) < MOST else []
-            best = _best(near)
-            if best is None or best.score <= current.score + ENOUGH / TAU:
-                rests = [tuple(c for c in now if c != gone) for gone in now if len(now) > 1]
-                near = [tried(rest) for rest in rests]
-                for rest in rests:
-                    near += beside(rest)
-                best = _best(near)
-                if best is None or best.score <= current.score:
-                    break
-            current = best
-        self.lean()
-        # widths that fit the causes together
-        again = self.best(current.causes, {})
-        if again.score > current.score:
-            current = found[current.causes] = again
-        for size in range(len(current.causes) - 1, 0, -1):
-            for fewer in combinations(current.causes, size):
-                tried(fewer)
-        return sorted(found.values(), key=lambda h: -h.score)
-
-
-def _best(hypotheses: Iterable[Hypothesis | None]) -> Hypothesis | None:
-    return max((h for h in hypotheses if h is not None), key=lambda h: h.score, default=None)

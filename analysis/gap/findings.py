@@ -10,10 +10,11 @@ from analysis.gap.attribution import CATALOGUED, Attribution
 from analysis.gap.attribution import called as causes_called
 from analysis.gap.caution import uncalled
 from analysis.gap.diagnosis import PRESENT, Estimate, Finding
-from analysis.gap.evidence import ENOUGH, TAU
+from analysis.gap.evidence import TAU
 from analysis.gap.fit import Fit
 from analysis.gap.generic_terms import FIXED_TO_THE_IMAGE
 from analysis.gap.hot_pixels import HOT
+from analysis.gap.hypotheses import ENOUGH
 from analysis.gap.material_terms import IN_PLACES, SEEN_TWICE
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL

@@ -20,6 +20,7 @@ import numpy as np
 
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.generic_terms import CAPTURE, FACTOR, SURFACE
+from analysis.gap.hypotheses import best_first
 from analysis.gap.parallel import each, own_property
 from analysis.gap.terms import Term
 from interchange.captures import Tolerances
@@ -251,7 +252,7 @@ class Widths:
             self.spikes = self.declared * widths(self.shares, found, q)
             spikes = np.append(self.spikes, evidence.spike[q:])
             evidence = evidence.with_spikes(spikes)
-            hypotheses = tuple(evidence.search())
+            hypotheses = tuple(best_first(evidence))
         return evidence, hypotheses
 
     def averaged(self, evidence: Evidence, hypotheses: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:

@@ -15,6 +15,7 @@ from analysis.gap.changed import changed_in
 from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, doubt, form_terms
+from analysis.gap.hypotheses import best_first
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
@@ -390,4 +391,4 @@ class Search:
             )
         evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
         self.widths.first(evidence.spike[: self.q])
-        return Stand(tuple(every), at, evidence, parts, tuple(evidence.search()), now)
+        return Stand(tuple(every), at, evidence, parts, tuple(best_first(evidence)), now)

@@ -56,9 +56,8 @@ def woodbury(C: np.ndarray, z: np.ndarray, ratio: np.ndarray) -> tuple[np.ndarra
     delta = ratio**-2 - 1.0
     inner = delta[:, None] * C
     inner[np.diag_indices(len(z))] += 1.0
-    lu, _, solved, wrong = lapack.dgesv(
-        inner, delta * z
-    )  # hundreds of small ones: wrappers take more than it does
+    # of many small ones SciPy's wrappers would take more than LAPACK does
+    lu, _, solved, wrong = lapack.dgesv(inner, delta * z)
     if wrong:
         raise np.linalg.LinAlgError(f"A matrix of {len(z)} terms must not be singular.")
     return np.asarray(solved), float(np.log(np.abs(lu.diagonal())).sum())

@@ -85,6 +85,18 @@ def test_the_margin_is_what_no_rival_and_no_tolerance_can_imitate() -> None:
     assert found[("a", ""), ("b", "")] < found[("a", ""), ("c", "")] < found[("a", ""), None]
 
 
+def test_pairs_that_are_told_apart_are_as_they_were_and_others_as_without() -> None:
+    """Two of four effects look nearly alike."""
+    X = np.random.default_rng(6).standard_normal((2000, 4))
+    X[:, 3] = X[:, 0] + 0.5 * X[:, 3]
+    margins = Margins(_terms(["a", "b", "c", "d"], 0.01), X.T @ X, 6e5)
+    known, more = margins.of(0.5 * X.T @ X), margins.of(X.T @ X)
+    told = known >= ENOUGH
+    assert 0 < told.sum() < len(told)
+    assert (more >= known * (1 - 1e-9)).all()  # more captures take nothing from a margin
+    assert margins.of(X.T @ X, known) == pytest.approx(np.where(told, known, more))
+
+
 def test_what_looks_alike_has_no_margin() -> None:
     x = np.random.default_rng(5).standard_normal((60, 1))
     X = np.hstack([x, 2 * x])

@@ -27,6 +27,7 @@ from analysis.gap.caution import (
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.findings import cautious, what_is_unknown
 from analysis.gap.fit import Fit
+from analysis.gap.hypotheses import best_first
 from analysis.gap.model import Model
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, total_of
@@ -393,4 +394,4 @@ def test_a_term_that_shows_nothing_but_rounding_ends_no_search() -> None:
         _part(X, 0.2 * X[0] + rng.standard_normal(PIXELS)),
         [_term("a"), _term("b", relative=True, spike=1e-12)],
     )
-    assert evidence.search()[0].causes == (A,)
+    assert best_first(evidence)[0].causes == (A,)

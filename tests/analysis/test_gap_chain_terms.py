@@ -21,6 +21,7 @@ from analysis.gap.corrected import Change, changed
 from analysis.gap.evidence import Evidence
 from analysis.gap.generic_terms import BLURS, SHARP
 from analysis.gap.geometry_terms import EACH, geometry_terms
+from analysis.gap.hypotheses import best_first
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.radiance import Rendered
 from analysis.gap.saturation_terms import KNEES, saturation_terms
@@ -124,7 +125,7 @@ def test_no_hypothesis_has_two_forms_of_an_effect() -> None:
         terms = [
             Term("motion_blur", t, "u", "px^2", 0.001, lambda s: None, form=form) for t in ("", VIBRATION)
         ]
-        best = Evidence(e, terms).search()[0]
+        best = best_first(Evidence(e, terms))[0]
         assert [c[1] for c in best.causes] == ([""] if form else ["", VIBRATION])
 
 
@@ -165,7 +166,7 @@ def test_a_blur_is_no_motion_and_a_sharpening_stands_beside_neither() -> None:
     ]
     evidence = Evidence(e, terms)
     assert evidence.at((("motion_blur", ""),), (0.1,)).log_Z == -np.inf
-    found = evidence.search()
+    found = best_first(evidence)
     assert found[0].causes == (("defocus", ""),)
     assert not any({SHARP, "defocus"} <= {c[0] for c in h.causes} for h in found)
 

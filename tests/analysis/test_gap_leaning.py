@@ -9,6 +9,7 @@ import pytest
 
 from analysis.gap.bounded import raised
 from analysis.gap.evidence import REACH, Evidence
+from analysis.gap.hypotheses import best_first
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.terms import Term
 
@@ -70,7 +71,7 @@ def test_an_evidence_goes_when_it_is_no_longer_held(equations: NormalEquations) 
     gc.disable()
     try:
         evidence = Evidence(equations, _terms(0.0))
-        evidence.search()
+        best_first(evidence)
         gone = weakref.ref(evidence)
         del evidence
         assert gone() is None

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.gap.evidence import Evidence
 from analysis.gap.geometry_terms import _principal_points
+from analysis.gap.hypotheses import best_first
 from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import MANY, Knots
 from analysis.gap.light_terms import light_terms, shaded
@@ -112,5 +113,5 @@ def test_principal_points_of_all_cameras_are_off_alike() -> None:
     assert not any(t.target == ALL for t in _principal_points(cameras[:1], 0.03))
     n = len(terms)
     e = NormalEquations(np.eye(n) * 1e6, np.full(n, 1e5), 1e5, 1e6, np.ones(n), 0.0, 1000)
-    every = Evidence(e, terms).search()
+    every = best_first(Evidence(e, terms))
     assert not any(("principal_point", ALL) in h.causes and len(h.causes) > 1 for h in every)

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.gap.evidence import Evidence
 from analysis.gap.generic_terms import CAPTURE
+from analysis.gap.hypotheses import best_first
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.scales import (
     COLORS,
@@ -47,7 +48,7 @@ def _evidence(theta: np.ndarray, left: float = 1.0) -> Evidence:
 
 def _found(evidence: Evidence) -> dict[str, float]:
     own = shares(_terms(Tolerances()), _terms(told_apart(Tolerances())))
-    return factors(evidence, evidence.spike, own, evidence.search())
+    return factors(evidence, evidence.spike, own, best_first(evidence))
 
 
 def _drawn(lamps: float, albedos: float, seed: int = 7) -> np.ndarray:
@@ -74,14 +75,14 @@ def test_a_tolerance_that_is_too_small_is_told_and_no_effect_beside_it() -> None
     called = {"declared": 0, "as large as they look": 0}
     for seed in range(100, 108):
         evidence = _evidence(_drawn(1, 3, seed))
-        called["declared"] += bool(evidence.search()[0].causes)
+        called["declared"] += bool(best_first(evidence)[0].causes)
         found = _found(evidence)
         assert found == {"albedo": pytest.approx(2.2, abs=1)}
         spikes = evidence.spike * widths(
             shares(_terms(Tolerances()), _terms(told_apart(Tolerances()))), found, len(evidence.terms)
         )
         there = Evidence(evidence.e, evidence.terms, spikes=spikes)
-        called["as large as they look"] += bool(there.search()[0].causes)
+        called["as large as they look"] += bool(best_first(there)[0].causes)
     assert called["declared"] == 8
     assert called["as large as they look"] <= 1
 
@@ -92,7 +93,7 @@ def test_what_needs_a_tolerance_to_be_just_so_is_less_probable() -> None:
     theta = _drawn(1, 1)
     theta[EACH : EACH + 3] = [5 * SPIKE, -5 * SPIKE, 5 * SPIKE]
     evidence, own = _evidence(theta), shares(_terms(Tolerances()), _terms(told_apart(Tolerances())))
-    hypotheses = evidence.search()
+    hypotheses = best_first(evidence)
     told = averaged(evidence, evidence.spike, own, hypotheses, {})
     assert {h.causes for h in told} == {h.causes for h in hypotheses}
     best = hypotheses[0]
@@ -106,7 +107,7 @@ def test_one_number_far_off_is_an_effect() -> None:
     theta = _drawn(1, 1)
     theta[3] = 8 * SPIKE
     evidence = _evidence(theta)
-    assert evidence.search()[0].causes == (("light_intensity", "light_intensity 3"),)
+    assert best_first(evidence)[0].causes == (("light_intensity", "light_intensity 3"),)
     assert _found(evidence) == {}
 
 
@@ -134,7 +135,7 @@ def test_one_material_that_is_off_is_no_tolerance() -> None:
         )
         evidence = Evidence(e, terms)
         own = {"gloss": np.ones(8)}
-        assert bool(factors(evidence, evidence.spike, own, evidence.search())) == judged
+        assert bool(factors(evidence, evidence.spike, own, best_first(evidence))) == judged
 
 
 def test_what_is_not_declared_is_judged_apart_from_what_it_is_a_share_of() -> None:

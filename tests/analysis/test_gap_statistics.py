@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from analysis.gap.belief import believed, posterior
 from analysis.gap.evidence import SLABS, Evidence
+from analysis.gap.hypotheses import best_first
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import Bends, NormalEquations
 from analysis.gap.regions import ZONES, zones
@@ -54,11 +55,11 @@ def test_other_spikes_are_an_evidence_of_their_own(rng: np.random.Generator) -> 
     X, y, terms = rng.standard_normal((40, 4)), rng.standard_normal(40), _terms(["a", "a", "b", "c"], 0.01)
     evidence = Evidence(_equations(X, y), terms)
     spikes = evidence.spike * rng.uniform(1, 3, len(terms))
-    first = [h.score for h in evidence.search()]
+    first = [h.score for h in best_first(evidence)]
     there, anew = evidence.with_spikes(spikes), Evidence(evidence.e, terms, spikes=spikes)
-    assert [h.score for h in there.search()] == [h.score for h in anew.search()]
+    assert [h.score for h in best_first(there)] == [h.score for h in best_first(anew)]
     np.testing.assert_array_equal(there.C, anew.C)
-    assert [h.score for h in evidence.search()] == first
+    assert [h.score for h in best_first(evidence)] == first
 
 
 def test_what_a_cause_bends_is_charged_to_hypotheses_without_it(rng: np.random.Generator) -> None:
@@ -82,7 +83,7 @@ def test_the_search_finds_two_causes_among_many(rng: np.random.Generator) -> Non
     X = rng.standard_normal((4000, 8))
     y = X @ [0, 0.2, 0, 0, 0.15, 0, 0, 0] + rng.standard_normal(4000)
     evidence = Evidence(_equations(X, y), _terms(list("abcdefgh"), 0.002))
-    best = evidence.search()
+    best = best_first(evidence)
     assert best[0].causes == (("b", ""), ("e", ""))
     p = posterior(best)
     assert p["b", ""] > 0.99
@@ -140,7 +141,7 @@ def test_noise_alone_has_no_cause() -> None:
         rng = np.random.default_rng(seed)
         X = rng.standard_normal((1000, 8))
         y = X @ (0.002 * rng.standard_normal(8)) + rng.standard_normal(1000)
-        assert Evidence(_equations(X, y), _terms(list("abcdefgh"), 0.002)).search()[0].causes == ()
+        assert best_first(Evidence(_equations(X, y), _terms(list("abcdefgh"), 0.002)))[0].causes == ()
 
 
 def test_a_term_below_what_it_may_be_does_not_count(rng: np.random.Generator) -> None:

@@ -46,7 +46,7 @@ class CameraView:
     shown: Image | None = None
     offline: Image | None = None
     histogram: np.ndarray = field(default_factory=lambda: np.zeros((1, BINS), np.float32))
-    told: str = ""  # below the picture
+    caption: str = ""
     saturated: float = 0.0  # share of its values
     gain: float = 1.0
     stretch: float = 1.0
@@ -259,10 +259,10 @@ class CameraView:
         self.histogram = np.log1p(np.array(counts, np.float32))
         mean = float(image.pixels.mean())
         if image.quantity is Quantity.DN:
-            self.told = f"DN  0 … {top:.0f}   mean {mean:.0f}"
+            self.caption = f"DN  0 … {top:.0f}   mean {mean:.0f}"
             self.saturated = float((image.pixels >= top).mean())
         else:
-            self.told, self.saturated = f"0 … {top:.4g} W/(m² sr)   mean {mean:.4g}", 0.0
+            self.caption, self.saturated = f"0 … {top:.4g} W/(m² sr)   mean {mean:.4g}", 0.0
 
     def _start(self, camera: Camera) -> None:
         if self.state.job is not None and self.state.job.running:
@@ -356,7 +356,7 @@ class CameraView:
         if self.hidden.text:
             imgui.text_disabled(self.hidden.text)
             return
-        imgui.text_disabled(self.told)
+        imgui.text_disabled(self.caption)
         if self.saturated > 0.001:
             imgui.same_line()
             imgui.text_colored(imgui.ImVec4(*theme.WARN), f"{100 * self.saturated:.1f} % saturated")
