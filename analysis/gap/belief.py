@@ -64,7 +64,7 @@ def believed(
         p E / (E + E_unknown)                        of an effect beside something without a name, as it outweighs that
         p E / (E + SHARE² E_named)                   of that beside effects, whose formulas may miss a share of what
                                                      they change (analysis.gap.form_terms)
-        p 2 g / (2 g + MISSED² E_others)             of an effect that gains g in log Z beside others, whose formulas
+        p / (1 + MISSED² E_others / 2 g)             of an effect that gains g in log Z beside others, whose formulas
                                                      may miss what no slow modulation has
         p min(1, 2 |Δ + Δ_o|² / max(|Δ|², |Δ_o|²))   where some of the others undo more than half of what it changes
 
@@ -93,8 +93,8 @@ def believed(
         undone = [energy([c, *chosen]) / max(own, energy(chosen)) for chosen in others]
         out[c] *= min([1.0, *(x / UNDONE for x in undone)]) * own / (own + unknown)
         if c in gains:
-            gain = max(2 * gains[c], 1e-30)
-            out[c] *= gain / (gain + MISSED**2 * sum(energy([d]) for d in rest))
+            gain = max(2 * gains[c], 1e-30)  # without bound where the others alone cannot be
+            out[c] /= 1 + MISSED**2 * sum(energy([d]) for d in rest) / gain
     missed = SHARE**2 * sum(energy([c]) for c in named)
     for c in (c for c in causes if generic[c]):
         out[c] *= energy([c]) / (energy([c]) + missed)

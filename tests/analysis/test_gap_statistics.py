@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from analysis.gap.belief import believed, posterior
+from analysis.gap.belief import believed, gained, posterior
 from analysis.gap.evidence import SLABS, Evidence
 from analysis.gap.hypotheses import best_first
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import Bends, NormalEquations
 from analysis.gap.regions import ZONES, zones
+from analysis.gap.subpixel_terms import PRODUCT
 from analysis.gap.terms import Term
 
 
@@ -133,6 +134,23 @@ def test_what_gains_no_more_than_strong_effects_may_leave_is_in_doubt(rng: np.ra
         {a: 4000 / (4000 + 0.02**2 * 80), b: 80 / (80 + missed), c: 1.6 / (1.6 + missed)}
     )
     assert p[c] == pytest.approx(0.5, abs=0.01)
+
+
+def test_an_effect_without_which_the_others_cannot_be_is_in_no_doubt(rng: np.random.Generator) -> None:
+    """A straight path and a blur, which widens along and across: a path that is a third as wide as long is none, and has
+    no log Z, so that the blur gains without bound."""
+    along, across, product, apart = np.linalg.qr(rng.standard_normal((4000, 4)))[0].T * np.sqrt(4000)
+    X = np.stack([along, across, product, along + across + apart], axis=1)
+    terms = _terms(["motion_blur"] * 3 + ["defocus"], 0.002)
+    terms = [replace(t, parameter=p) for t, p in zip(terms, ("u", "v", PRODUCT, "blur"), strict=True)]
+    evidence = Evidence(_equations(X, X @ [1.0, 0.0, 0.0, 0.5]), terms)
+    h = evidence.best((("defocus", ""), ("motion_blur", "")), {})
+    gains, theta = gained(evidence, h), evidence.theta(h)
+    assert theta == pytest.approx([1.0, 0.0, 0.0, 0.5], abs=0.1)  # the slab draws it towards none
+    assert gains["defocus", ""] == np.inf
+    p = believed(dict.fromkeys(h.causes, 1.0), h.causes, evidence, theta, gains)
+    assert p["defocus", ""] == 1
+    assert 0.9 < p["motion_blur", ""] <= 1
 
 
 def test_noise_alone_has_no_cause() -> None:
