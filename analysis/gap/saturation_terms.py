@@ -19,7 +19,7 @@ from interchange.captures import Tolerances
 
 KNEES = (0.5, 0.7, 0.8, 0.9)  # of the range: below, it is a response curve; above, hardly a pixel is compared
 LEAST = 1e-3  # of an image's pixels that must be brighter,
-HALF = 0.5  # by that part of what is left up to what is saturated: a loss that hardly shows says nothing of the rest
+WELL = 0.25  # by that part of what is left up to what is saturated: a loss that hardly shows says nothing of the rest
 
 
 def saturation_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
@@ -36,7 +36,7 @@ def lost_above(knee: float) -> str:
 
 def _bright(condition: Condition, knee: float) -> bool:
     model = condition.simulated()
-    well_above = knee + HALF * (SATURATED - knee)
+    well_above = knee + WELL * (SATURATED - knee)
     return bool((model.dn - model.black > well_above * _range(condition.camera.sensor)).mean() > LEAST)
 
 
