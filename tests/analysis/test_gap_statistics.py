@@ -137,8 +137,8 @@ def test_what_gains_no_more_than_strong_effects_may_leave_is_in_doubt(rng: np.ra
 
 
 def test_an_effect_without_which_the_others_cannot_be_is_in_no_doubt(rng: np.random.Generator) -> None:
-    """A straight path and a blur, which widens along and across: a path that is a third as wide as long is none, and has
-    no log Z, so that the blur gains without bound."""
+    """A straight path and a blur, which widens along and across: a path that is a third as wide as long is none, and
+    has no log Z, so that the blur gains without bound."""
     along, across, product, apart = np.linalg.qr(rng.standard_normal((4000, 4)))[0].T * np.sqrt(4000)
     X = np.stack([along, across, product, along + across + apart], axis=1)
     terms = _terms(["motion_blur"] * 3 + ["defocus"], 0.002)
