@@ -6,6 +6,8 @@ All single causes are weighed, pairs of the best, and whatever the best set beco
 from collections.abc import Iterable
 from itertools import combinations
 
+import numpy as np
+
 from analysis.gap.evidence import TAU, Evidence, Hypothesis
 from analysis.gap.terms import Cause
 
@@ -20,8 +22,10 @@ def best_first(evidence: Evidence) -> list[Hypothesis]:
     and all parts of it. Best first."""
     none = evidence.at((), ())
     singles = [evidence.best((c,), {}) for c in evidence.members]
-    width = {h.causes[0]: h.slabs[0] for h in singles}
     singles.sort(key=lambda h: -h.score)
+    # what cannot be by itself (a path beside a blur would be no path) has no width of its own
+    alone = [h for h in singles if np.isfinite(h.log_Z)]
+    width = {h.causes[0]: h.slabs[0] for h in alone}
     found: dict[tuple[Cause, ...], Hypothesis] = {h.causes: h for h in [none, *singles]}
 
     def tried(causes: Iterable[Cause]) -> Hypothesis | None:
@@ -40,12 +44,13 @@ def best_first(evidence: Evidence) -> list[Hypothesis]:
         evidence.lean(causes, width)
         return [tried((*causes, c)) for c in evidence.members if c not in causes]
 
-    if singles and singles[0].score > none.score:
-        for h in singles[:TOP]:
+    if alone and alone[0].score > none.score:
+        for h in alone[:TOP]:
             beside(h.causes)
     current = max(found.values(), key=lambda h: h.score)
     for _ in range(2 * MOST):
         now = current.causes
+        width = dict(zip(now, current.slabs, strict=True)) | width
         near = beside(now) if len(now) < MOST else []
         best = _best(near)
         if best is None or best.score <= current.score + ENOUGH / TAU:
