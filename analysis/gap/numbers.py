@@ -13,12 +13,14 @@ from analysis.gap.model import Model
 from analysis.gap.normal_equations import total_of
 from analysis.gap.search import FOLLOWED, Search
 from analysis.gap.stand import Stand
+from analysis.gap.subpixel_terms import along, to_one_side
 from analysis.gap.terms import Cause
 
 ROUNDS = 3
 SLIGHT = 2e-5  # rms of a calibration error over the signal that is not drawn: 400 of them are less than noise
 STRAIGHT = 0.003  # rms over the signal that a number may change the image by from where it was linearised
 ALIKE = 1e-9  # of what numbers vary by: the least that is more than rounding
+TURNS = 8  # times that a path's width is taken off: it turns as it is
 MOST_BENT, STEPS = 4.0, 41  # standard deviations of k2 that a lens which folds may be off by, and tries
 
 
@@ -68,6 +70,25 @@ def possible(there: Evidence, h: Hypothesis) -> np.ndarray:
     return np.asarray(theta)
 
 
+def straightened(there: Evidence, h: Hypothesis, theta: np.ndarray) -> np.ndarray:
+    """θ (q,): the likeliest near ``theta`` where every path is straight, as the file has it: what captures show of its
+    width is a blur beside it, as far as they do not tell the two apart. No blur is less than none."""
+    paths = {c: there.paths[c] for c in h.causes if c in there.paths}
+    if not paths:
+        return theta
+    for index in paths.values():
+        covariance = there.covariance(h, index)
+        for _ in range(TURNS):
+            slope = to_one_side(theta[index])
+            off = covariance @ slope
+            theta = theta - off * float(slope @ theta[index]) / max(float(slope @ off[index]), 1e-30)
+    own = np.concatenate([there.members[c] for c in h.causes])
+    theta[own] = np.maximum(theta[own], there.low[own])
+    for index in paths.values():
+        theta[index] = along(theta[index])
+    return theta
+
+
 def _drawn(theta: np.ndarray, at: np.ndarray, share: np.ndarray) -> np.ndarray:
     """θ (q,) of which what is slight stays where it stands."""
     return np.where(np.abs(theta - at) * share < SLIGHT, at, theta)
@@ -78,7 +99,7 @@ def _unfolded(
 ) -> tuple[np.ndarray, bool]:
     """θ (q,) of a hypothesis, and whether a lens of its mean folds within the image: then it is the mean where k2 is as
     large as it must be for that. What was compared need not reach the corners, the lens does."""
-    theta, folded = possible(there, h), False
+    theta, folded = straightened(there, h, possible(there, h)), False
     for cause in members:
         lens = {search.terms[i].parameter: int(i) for i in members[cause] if cause[0] == lens_flow.CAUSE}
         if "k2" not in lens:

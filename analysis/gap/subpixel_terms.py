@@ -63,10 +63,15 @@ def straight(terms: Sequence[Term], at: np.ndarray) -> np.ndarray:
     """``at`` (q,) with every path the straight one that is nearest: what is left over is a blur."""
     there = at.copy()
     for index in paths(terms).values():
-        length, way = np.linalg.eigh(_square(at[index]))
-        u, v = way[:, -1]
-        there[index] = max(length[-1], 0.0) * np.array([u * u, v * v, u * v])
+        there[index] = along(at[index])
     return there
+
+
+def along(theta: np.ndarray) -> np.ndarray:
+    """(3,): a path's squares and product without what is across it."""
+    length, way = np.linalg.eigh(_square(theta))
+    u, v = way[:, -1]
+    return max(float(length[-1]), 0.0) * np.array([u * u, v * v, u * v])
 
 
 def paths(terms: Sequence[Term]) -> dict[tuple[str, str], np.ndarray]:
@@ -81,10 +86,15 @@ def paths(terms: Sequence[Term]) -> dict[tuple[str, str], np.ndarray]:
 def is_path(theta: np.ndarray, covariance: np.ndarray) -> bool:
     """Whether squares and product (3,), known to ``covariance`` (3, 3), may be a straight path's: across it there is
     nothing, or it is no more than ``ACROSS`` of what there is along it, or than twice its standard deviation."""
-    length, way = np.linalg.eigh(_square(theta))
-    x, y = way[:, 0]
-    slope = np.array([x * x, y * y, 2 * x * y])
+    length = np.linalg.eigvalsh(_square(theta))
+    slope = to_one_side(theta)
     return bool(length[0] <= ACROSS * length[1] + 2 * np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+
+
+def to_one_side(theta: np.ndarray) -> np.ndarray:
+    """(3,): what each of a path's squares and product (3,) adds to its width's square; with them, the square itself."""
+    x, y = np.linalg.eigh(_square(theta))[1][:, 0]
+    return np.array([x * x, y * y, 2 * x * y])
 
 
 def _square(theta: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from analysis.gap.evidence import SLABS, Evidence
 from analysis.gap.hypotheses import best_first
 from analysis.gap.ledger import bands, fixed_to
 from analysis.gap.normal_equations import Bends, NormalEquations
+from analysis.gap.numbers import straightened
 from analysis.gap.regions import ZONES, zones
 from analysis.gap.subpixel_terms import PRODUCT
 from analysis.gap.terms import Term
@@ -153,6 +154,24 @@ def test_a_path_is_found_beside_a_blur_and_the_blur_is_in_no_doubt(rng: np.rando
     p = believed(dict.fromkeys(h.causes, 1.0), h.causes, evidence, theta, gains)
     assert p["defocus", ""] == 1
     assert 0.9 < p["motion_blur", ""] <= 1
+
+
+def test_numbers_of_a_path_are_a_straight_ones_and_a_blurs_are_what_is_left(rng: np.random.Generator) -> None:
+    """A blur of 0.05 and a path of (0.3, -0.2) px whose squares are told from the blur by next to nothing: the mean
+    halves what is alike in both, the straight path does not, and lies where the one that was drawn lies."""
+    along, across, product, apart = np.linalg.qr(rng.standard_normal((100_000, 4)))[0].T * np.sqrt(100_000)
+    X = np.stack([along, across, product, along + across + 0.003 * apart], axis=1)
+    terms = _terms(["motion_blur"] * 3 + ["defocus"], 0.002)
+    terms = [replace(t, parameter=p) for t, p in zip(terms, ("u", "v", PRODUCT, "blur"), strict=True)]
+    drawn = np.array([0.09, 0.04, -0.06, 0.05])
+    evidence = Evidence(_equations(X, X @ drawn), terms)
+    h = evidence.best((("defocus", ""), ("motion_blur", "")), {})
+    mean = evidence.theta(h)
+    assert np.abs(mean - drawn).max() > 0.01
+    found = straightened(evidence, h, mean)
+    assert found == pytest.approx(drawn, abs=2e-3)  # slabs draw both towards none by 2 %
+    assert found[0] * found[1] == pytest.approx(found[2] ** 2, rel=1e-9)
+    assert straightened(evidence, evidence.best((("defocus", ""),), {}), mean) is mean
 
 
 def test_noise_alone_has_no_cause() -> None:
