@@ -13,7 +13,7 @@ from analysis.gap.model import Model
 from analysis.gap.normal_equations import total_of
 from analysis.gap.search import FOLLOWED, Search
 from analysis.gap.stand import Stand
-from analysis.gap.subpixel_terms import along, to_one_side
+from analysis.gap.subpixel_terms import along, width_gradient
 from analysis.gap.terms import Cause
 
 ROUNDS = 3
@@ -79,7 +79,7 @@ def straightened(there: Evidence, h: Hypothesis, theta: np.ndarray) -> np.ndarra
     for index in paths.values():
         covariance = there.covariance(h, index)
         for _ in range(TURNS):
-            slope = to_one_side(theta[index])
+            slope = width_gradient(theta[index])
             off = covariance @ slope
             theta = theta - off * float(slope @ theta[index]) / max(float(slope @ off[index]), 1e-30)
     own = np.concatenate([there.members[c] for c in h.causes])

@@ -87,11 +87,11 @@ def is_path(theta: np.ndarray, covariance: np.ndarray) -> bool:
     """Whether squares and product (3,), known to ``covariance`` (3, 3), may be a straight path's: across it there is
     nothing, or it is no more than ``ACROSS`` of what there is along it, or than twice its standard deviation."""
     length = np.linalg.eigvalsh(_square(theta))
-    slope = to_one_side(theta)
+    slope = width_gradient(theta)
     return bool(length[0] <= ACROSS * length[1] + 2 * np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
 
 
-def to_one_side(theta: np.ndarray) -> np.ndarray:
+def width_gradient(theta: np.ndarray) -> np.ndarray:
     """(3,): what each of a path's squares and product (3,) adds to its width's square; with them, the square itself."""
     x, y = np.linalg.eigh(_square(theta))[1][:, 0]
     return np.array([x * x, y * y, 2 * x * y])
