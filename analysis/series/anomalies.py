@@ -16,6 +16,7 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from analysis.series.covariance import Background, Estimator, distances, estimate
+from interchange.blas import on_all_cores
 from interchange.problems import BrightfieldError
 from interchange.series import Series
 
@@ -66,9 +67,10 @@ def find_anomalies(
     whole = usable.all(axis=0) & inside
     everything = bool(whole.all())
     samples = x if everything else x[:, whole]
-    background = estimate(samples, estimator, rng)
     delta = np.full(height * width, np.nan)
-    delta[whole] = distances(samples, background)
+    with on_all_cores():
+        background = estimate(samples, estimator, rng)
+        delta[whole] = distances(samples, background)
     if not everything:
         _partial(delta, x, usable & (inside & ~whole), background)
     alpha = threshold(gamma, len(series), background.used, law, delta)
