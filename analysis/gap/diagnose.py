@@ -17,7 +17,7 @@ from analysis.gap.attribution import (
     waterfall,
     without,
 )
-from analysis.gap.binned import binned_captures, binned_document
+from analysis.gap.binned import binned_captures, binning_of
 from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
 from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
@@ -96,14 +96,15 @@ def diagnose(
     ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
     corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
     ``rehearsals``: cases simulated from the scene that probabilities are calibrated on (analysis.gap.rehearsing).
-    ``binning``: pixels across that are taken as one (analysis.gap.binned.times_binned: how many their size asks for).
+    ``binning``: pixels across that are taken as one (analysis.gap.binned.times_binned: how many they ask for).
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
     as_written, of_all_pixels = document, captures
-    if binning > 1:
-        must_fit(captures, document)
-        captures, document = binned_captures(captures, document, binning), binned_document(document, binning)
+    must_fit(captures, document)
+    by = binning_of(captures, document, binning)
+    if by.n > 1:
+        captures, document = binned_captures(captures, document, by), by.document(document)
     found = with_steps(with_files_bits(conditions(captures, document)))
     rendered = render_all(
         [(c.scene, c.camera) for c in found], render, settings, cache, lambda k, n: told("rendering", k / n)
@@ -182,22 +183,22 @@ def diagnose(
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
     mapped = v.maps is not None
     left = written(
-        as_written, captures, all_of_them, fitted, findings, noise, mapped, screens, scene_file, binning
+        as_written, captures, all_of_them, fitted, findings, noise, mapped, screens, scene_file, by
     )
     check = None
     if verify and findings:
         carried = frozenset({f.name for f in findings} - set(left))
         claim = claimed(fitted, held, v.by, taken, carried)
         errors = without(fitted, fitted.best.causes)
-        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told, binning)
+        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told, by.document)
     told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
     edges = _edges(held, v.by, v.shown)
-    if binning > 1:
-        findings = [of_own_pixels(f, binning) for f in findings]
-        edges = edges and edges_of_own_pixels(edges, binning)
-        told_of.append(note(of_all_pixels, binning))
+    if by.n > 1:
+        findings = [of_own_pixels(f, by) for f in findings]
+        edges = edges and edges_of_own_pixels(edges, by)
+        told_of.append(note(of_all_pixels, by))
     diagnosis = Diagnosis(
         effects=tuple(findings),
         unknown=unknown,

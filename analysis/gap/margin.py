@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gap.radiance import FINE, Render, Rendered, drawn, finely_lit, fingerprint, kept_on_disk
+from analysis.gap.radiance import Render, Rendered, drawn, finely_lit, fingerprint, kept_on_disk
 from analysis.gap.reach import cropped
 from interchange.camera import Camera
 
@@ -45,7 +45,7 @@ def widened(base: Rendered, margin: int, render: Render, settings: dict[str, Any
     m, n, (w, h) = margin, base.finer, base.camera.sensor.resolution
     camera = drawn(base.camera)
     scene = replace(base.scene, cameras=())
-    key = fingerprint((scene.bodies, scene.lights, camera, settings, FINE, base.scale, m))
+    key = fingerprint((scene.bodies, scene.lights, camera, settings, n, base.scale, m))
     strips = {
         "above": (slice(-m, 0), slice(-m, w + m)),
         "below": (slice(h, h + m), slice(-m, w + m)),

@@ -2,35 +2,40 @@
 
 from dataclasses import replace
 
-from analysis.gap import binned
+from analysis.gap.binned import Binning
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.edges import EdgeOffsets
 from interchange.captures import Captures
 
 
-def note(captures: Captures, n: int) -> str:
+def note(captures: Captures, by: Binning) -> str:
     h, w = captures.captures[0].pixels.shape[:2]
+    n = by.n
+    behind = " behind a mosaic of colours, each channel by the pixels of its own filter" if by.colours else ""
+    codes = (
+        "" if by.averaged == 1 else " What single codes show, quantisation and JPEG, was not looked for"
+        f"{'' if by.colours else '; --bin 1 takes each pixel by itself'}."
+    )  # fmt: skip
     return (
-        f"Captures of {w} x {h} px were diagnosed by means over {n} x {n} pixels (--bin {n}). Numbers of effects and "
-        f"edges are told in the sensor's own pixels and electrons; sizes of structures and a --metric in those means. "
-        f"What single codes show, quantisation and JPEG, was not looked for; --bin 1 takes each pixel by itself."
+        f"Captures of {w} x {h} px were diagnosed by means over {n} x {n} pixels (--bin {n}){behind}. Numbers of "
+        f"effects and edges are told in the sensor's own pixels and electrons; sizes of structures and a --metric in "
+        f"those means.{codes}"
     )
 
 
-def of_own_pixels(finding: Finding, n: int) -> Finding:
+def of_own_pixels(finding: Finding, by: Binning) -> Finding:
     """A finding of binned captures in the sensor's own pixels and electrons."""
     values = {k: (x.value, x.unit) for k, x in finding.parameters.items()}
-    own = binned.of_own_pixels(finding.name, values, n)
+    own = by.of_own_pixels(finding.name, values)
 
     def told(name: str, x: Estimate) -> Estimate:
-        by = float(n) ** -binned.power(finding.name, name.rpartition(" ")[2], x.unit)
-        return Estimate(own[name], x.sigma * by, x.unit)
+        return Estimate(own[name], x.sigma / by.factor(finding.name, name.rpartition(" ")[2], x.unit), x.unit)
 
     return replace(finding, parameters={name: told(name, x) for name, x in finding.parameters.items()})
 
 
-def edges_of_own_pixels(edges: Edges, n: int) -> Edges:
+def edges_of_own_pixels(edges: Edges, by: Binning) -> Edges:
     def told(x: EdgeOffsets) -> EdgeOffsets:
-        return replace(x, mean=n * x.mean, rms=n * x.rms, floor=n * x.floor)
+        return replace(x, mean=by.n * x.mean, rms=by.n * x.rms, floor=by.n * x.floor)
 
     return Edges(told(edges.as_written), told(edges.before), told(edges.after))

@@ -13,12 +13,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
+from analysis.gap.filters import BehindFilters, at_filters, seen_through
 from analysis.gap.parallel import own_property
 from analysis.gap.reflected import finely
 from analysis.gap.room import COARSER, DOME, coarsely, leanings, share_of
@@ -74,7 +76,7 @@ class Rendered:
     ambient: np.ndarray
     indirect: dict[str, np.ndarray]
     passes: dict[str, np.ndarray]
-    samples: int = 64  # a pixel
+    samples: int = 64  # a pixel and channel
     fine: dict[str, np.ndarray] = field(default_factory=dict)
     scale: float = 1.0
     coarse: int = 1
@@ -140,6 +142,15 @@ def weighted(plane: np.ndarray, weight: np.ndarray) -> np.ndarray:
     h, w, _ = plane.shape
     row = np.tile(weight.astype(np.float32), w)
     return np.asarray((plane.reshape(h, -1) * row).reshape(h, w, 3))
+
+
+def fineness(camera: Camera) -> int:
+    """How many times finer than the sensor's the grid is that light is rendered on; pixels that lie behind a mosaic of
+    colours, several of which are one, are whole parts of it."""
+    if not isinstance(camera.sensor, BehindFilters):
+        return FINE
+    n = camera.sensor.across
+    return n if n > FINE else n * FINE
 
 
 def arrangement(scene: Scene, camera: Camera) -> str:
@@ -230,7 +241,7 @@ def _at_full_power(scene: Scene, scenes: Sequence[Scene]) -> Scene:
 def _rendered(
     scene: Scene, camera: Camera, render: Render, settings: dict[str, Any], cache: Path
 ) -> Rendered:
-    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, FINE, MOST, TRACED))
+    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, fineness(camera), MOST, TRACED))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
     arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, settings))
@@ -240,21 +251,23 @@ def _rendered(
         cache / f"{fingerprint((key, COARSER))[:32]}.npz",
         lambda: _leaning(scene, camera, arrays, render),
     )
+    seen = partial(at_filters, camera=camera)
     return Rendered(
         scene=scene,
         camera=camera,
         lamps={
-            name: pixels(fine[name], scale, camera) if fine else arrays[f"light:{name}"] for name in intensity
+            name: pixels(fine[name], scale, camera) if fine else seen(arrays[f"light:{name}"])
+            for name in intensity
         },
         intensity=intensity,
-        rest=arrays["rest"],
-        ambient=arrays[AMBIENT],
+        rest=seen(arrays["rest"]),
+        ambient=seen(arrays[AMBIENT]),
         indirect={k.removeprefix("indirect:"): v for k, v in arrays.items() if k.startswith("indirect:")},
         passes={k: v for k, v in arrays.items() if k.split(":")[0] in PASSES},
-        samples=int(settings.get("samples", 64)),
+        samples=int(settings.get("samples", 64)) // (4 if isinstance(camera.sensor, BehindFilters) else 1),
         fine=fine,
         scale=scale,
-        undrawn={k.removeprefix("undrawn:"): v for k, v in arrays.items() if k.startswith("undrawn:")},
+        undrawn={k.removeprefix("undrawn:"): seen(v) for k, v in arrays.items() if k.startswith("undrawn:")},
         leaning=around,
     )
 
@@ -274,7 +287,9 @@ def kept_on_disk(file: Path, made: Callable[[], dict[str, np.ndarray]]) -> dict[
 def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:
     bounces = bool(settings.get("indirect"))
     width, height = camera.sensor.resolution
-    finer = FINE if 6 * FINE**2 * width * height * len(scene.lights) <= MOST else 1
+    finer = fineness(camera)
+    if 6 * finer**2 * width * height * len(scene.lights) > MOST:
+        finer = 1
     eye = camera.resized(finer * width) if finer > 1 else camera
     image = render(scene, eye, SURFACES if bounces else PASSES, True, finer**2, Paths.DIRECT)
     lamps = {n.removeprefix("light:"): p for n, p in image.passes.items() if n.startswith("light:")}
@@ -397,4 +412,7 @@ def means(plane: np.ndarray, n: int) -> np.ndarray:
 
 def pixels(fine: np.ndarray, scale: float, camera: Camera) -> np.ndarray:
     """(H, W, 3) float32: what the sensor's pixels see of a lamp's light on the finer grid."""
-    return means(fine, fine.shape[1] // camera.sensor.resolution[0]) * np.float32(scale)
+    n = fine.shape[1] // camera.sensor.resolution[0]
+    if isinstance(camera.sensor, BehindFilters):
+        return seen_through(single(fine), n, camera.sensor) * np.float32(scale)
+    return means(fine, n) * np.float32(scale)

@@ -46,7 +46,7 @@ def redrawn(
     camera = drawn(base.camera)
     part = part_of(before, after, standing, camera)
     both = (before.bodies, before.lights, after.bodies, after.lights)
-    key = fingerprint((*both, camera, settings, FINE, COARSER, part is None))
+    key = fingerprint((*both, camera, settings, base.finer if base.fine else FINE, COARSER, part is None))
     arrays = kept_on_disk(
         cache / f"{key[:32]}.npz",
         lambda: _near(after, base, part, render) | (_far(before, after, base, render) if part else {}),

@@ -12,7 +12,7 @@ from analysis.gap.expected import Expected, dn_per_radiance, mean_dn
 from analysis.gap.fine_optics import FineOptics, told_apart
 from analysis.gap.knots import Change, Knots
 from analysis.gap.parallel import own_property
-from analysis.gap.radiance import FINE, Changes, Rendered, weighted
+from analysis.gap.radiance import Changes, Rendered, weighted
 from analysis.gap.views import Views, Way, seen
 from interchange.camera import Camera
 from interchange.effects import Effect
@@ -144,7 +144,7 @@ class State:
             dy, dx = np.gradient(self.simulation.dn, axis=(0, 1))
             return self.take(dx), self.take(dy)
         slopes = [
-            self.take((self._beside((-u, -v)) - self._beside((u, v))) * np.float32(FINE / 2))
+            self.take((self._beside((-u, -v)) - self._beside((u, v))) * np.float32(self.base.finer / 2))
             for u, v in ((1, 0), (0, 1))
         ]
         return slopes[0], slopes[1]
@@ -159,7 +159,9 @@ class State:
             return self.take(along[0].reshape(dn.shape)), self.take(along[1].reshape(dn.shape))
         twice = 2 * self.simulation.dn
         both = [
-            self.take((self._beside((u, v)) + self._beside((-u, -v)) - twice) * np.float32(FINE**2))
+            self.take(
+                (self._beside((u, v)) + self._beside((-u, -v)) - twice) * np.float32(self.base.finer**2)
+            )
             for u, v in ((1, 0), (0, 1))
         ]
         return both[0], both[1]
@@ -170,7 +172,7 @@ class State:
         if not self.base.fine:
             return self.take(np.gradient(np.gradient(self.simulation.dn, axis=0), axis=1))
         same, other = (self._beside((1, v)) + self._beside((-1, -v)) for v in (1, -1))
-        return self.take((same - other) * np.float32(FINE**2 / 4))
+        return self.take((same - other) * np.float32(self.base.finer**2 / 4))
 
     @own_property
     def symmetric_gradient(self) -> tuple[np.ndarray, np.ndarray]:

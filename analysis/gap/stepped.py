@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.gap.filters import offsets
 from analysis.gap.knots import Change, Knots
 from analysis.gap.mounts import ALL
 from analysis.gap.radiance import Changes, means
@@ -142,7 +143,14 @@ def there(s: State, change: Change, weights: dict[str, np.ndarray]) -> np.ndarra
     """(h, w, 3): a change of radiance as the image is moved; the mean of it where a pixel stands for several."""
     home = s.condition.shown
     if home.origin is None:
-        return change.at(weights, s.camera.sensor.resolution, *s.source)
+        size, (column, row), aside = s.camera.sensor.resolution, s.source, offsets(s.camera)
+        if aside is None:
+            return change.at(weights, size, column, row)
+        own = [
+            change.at(weights, size, column + np.float32(u), row + np.float32(v))[..., k]
+            for k, (u, v) in enumerate(aside)
+        ]
+        return np.stack(own, axis=-1)
     whole = change.radiance(weights, home.origin.camera.sensor.resolution)
     return s.take(placed(means(whole, home.coarse), s.flow))
 

@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from analysis.gap.binned import binned_document
 from analysis.gap.conditions import Condition
 from analysis.gap.model import Model
 from analysis.gap.radiance import Render, render_all
 from analysis.gap.shrinkage import Yardstick
-from interchange.formats.document import open_scene
+from interchange.formats.document import Document, open_scene
 
 WITHIN = 0.1
 
@@ -58,11 +57,11 @@ def verified(
     settings: dict[str, Any],
     cache: Path,
     told: Callable[[str, float], None] = lambda what, share: None,
-    binning: int = 1,
+    taken_as: Callable[[Document], Document] = lambda document: document,
 ) -> Verification:
     """``scene``: the corrected file; ``registration``: calibration's errors alone; ``claimed``: χ that is predicted;
-    ``binning``: of the captures."""
-    document = binned_document(open_scene(scene), binning)
+    ``taken_as``: what the captures' cameras are taken for."""
+    document = taken_as(open_scene(scene))
     found = []
     for condition in held_out:
         new = document.scene(condition.captures[0].time)

@@ -11,16 +11,18 @@ from threading import Lock, RLock
 import cv2
 import numpy as np
 
+from analysis.gap.filters import at_filters
 from analysis.gap.fine_optics import SHARP, Blur, blurred
 from analysis.gap.knots import Change
 from analysis.gap.parallel import own_property
-from analysis.gap.radiance import FINE, Rendered, means, pixels, single
+from analysis.gap.radiance import Rendered, means, pixels, single
 from interchange.filtering import resample
 
 KEPT = 6  # views, of which each has its neighbours
 MOST_FINER = 400e6  # bytes of finer grids that are kept beside the last one
 Way = tuple[int, int]  # columns and rows, in steps of the finer grid
 HERE = (0, 0)
+NOWHERE = (0.0, 0.0)
 ACROSS = [(1, 0), (-1, 0), (0, 1), (0, -1)]
 DIAGONAL = [(1, 1), (-1, -1), (1, -1), (-1, 1)]
 Changes = tuple[tuple[float, Change], ...]  # each with its sign
@@ -74,15 +76,19 @@ class Views:
             for name in names
             if name in self.base.lamps
         }
-        added = {name: means(plane, self.base.coarse) for name, plane in whole.items()}
+        added = {
+            name: at_filters(means(plane, self.base.coarse), self.base.camera)
+            for name, plane in whole.items()
+        }
         for name, plane in self.base.undrawn.items() if self.reflected else ():
             added[name] = added.get(name, 0.0) + np.float32(self.reflected) * plane
         return added
 
     def _changed(self, shown: Rendered, way: Way) -> Rendered:
         lamps = dict(shown.lamps)
+        further = NOWHERE if way == HERE else (way[0] / self.base.finer, way[1] / self.base.finer)
         for name, plane in self._added.items():
-            lamps[name] = np.maximum(lamps[name] + blurred(placed(plane, self.flow, way), self.blur), 0)
+            lamps[name] = np.maximum(lamps[name] + blurred(placed(plane, self.flow, further), self.blur), 0)
         return replace(shown, lamps=lamps)
 
     def _finely(self, ways: list[Way]) -> dict[Way, Rendered]:
@@ -173,13 +179,13 @@ def _keep_finer(views: Views) -> None:
             _with_finer.pop(0).forget_finer()
 
 
-def placed(plane: np.ndarray, flow: np.ndarray | None, way: Way = HERE) -> np.ndarray:
-    """(H, W, 3): what was rendered where the scene says, moved as the image is, and ``way`` further."""
-    if flow is None and way == HERE:
+def placed(plane: np.ndarray, flow: np.ndarray | None, further: tuple[float, float] = NOWHERE) -> np.ndarray:
+    """(H, W, 3): what was rendered where the scene says, moved as the image is, and columns and rows ``further``."""
+    if flow is None and further == NOWHERE:
         return plane
     h, w = plane.shape[:2]
-    further = np.array(way, np.float32) / FINE
-    flow = np.broadcast_to(further, (h, w, 2)) if flow is None else flow + further
+    more = np.array(further, np.float32)
+    flow = np.broadcast_to(more, (h, w, 2)) if flow is None else flow + more
     return _resampled(plane, _places(flow, 1))
 
 

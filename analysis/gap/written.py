@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
-from analysis.gap.binned import of_own_pixels, power
+from analysis.gap.binned import Binning
 from analysis.gap.chain_terms import signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
@@ -37,7 +37,7 @@ def written(
     mapped: bool,
     screens: Sequence[Screen],
     path: Path,
-    binning: int = 1,
+    binning: Binning,
 ) -> dict[str, str]:
     """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
     pixels are off by how much is known; ``screens``: cameras whose captures are encoded; ``binning``: of the captures
@@ -55,7 +55,7 @@ def written(
     }
 
 
-def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binning: int) -> list[Change]:
+def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binning: Binning) -> list[Change]:
     """What the findings change in the scene: a value a parameter, by effect and by what it is about; textures are
     laid out."""
     found: dict[Cause, dict[str, tuple[float, float]]] = {}
@@ -63,7 +63,7 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binn
     for i, term in enumerate(fitted.terms):
         if term.cause in names - {"texture"} and term.candidate in fitted.best.causes and term.is_a_parameter:
             theta = float(fitted.after.theta[together(fitted.terms, i)].sum())
-            own = float(binning) ** -power(term.cause, term.parameter, term.unit)
+            own = 1 / binning.factor(term.cause, term.parameter, term.unit)
             pair = (own * term.value(theta), own * term.value(0.0))
             found.setdefault(term.candidate, {})[term.parameter] = pair
             told_at[term.candidate] = max(told_at.get(term.candidate, 0.0), term.t_exp)
@@ -77,10 +77,10 @@ def _changes(conditions: Sequence[Condition], fitted: Fit, names: set[str], binn
     return changes
 
 
-def _noise_changes(noise: NoiseFinding, binning: int) -> list[Change]:
+def _noise_changes(noise: NoiseFinding, binning: Binning) -> list[Change]:
     """Its numbers stand for those of the sensor's data sheet; what is hot is an effect by itself there."""
     told = {n: (x.value, x.unit) for n, x in noise.parameters.items()}
-    values = of_own_pixels(noise.name, told, binning)
+    values = binning.of_own_pixels(noise.name, told)
     hot = {n.removeprefix(HOT): values.pop(n) for n in list(values) if n.startswith(HOT)}
     changes = [Change(noise.name, "", values, None)] if values else []
     return [*changes, Change("hot_pixels", "", hot, None)] if hot else changes

@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="take means over N x N pixels (default: 1, more for captures above 0.8 megapixels)",
+        help="take means over N x N pixels (default: 1, more above 0.8 megapixels; 2 or more of colour mosaics)",
     )
 
 

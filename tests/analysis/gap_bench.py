@@ -32,9 +32,9 @@ TIMES = (0, 1, 4, 6, 7, 10, 12, 13, 15)
 EXPOSURE = dict.fromkeys((6, 7, 13), 0.5) | {10: 0.25}
 
 
-def little_bench(file: Path, width: int, height: int, without: Sequence[str] = ()) -> None:
-    """The bench for a sensor of a few px, without some of its lamps and things, into ``file``. Its ball, which has
-    9024 faces and takes half of the time of every rendering, has 480 here."""
+def little_bench(file: Path, width: int, height: int, without: Sequence[str] = (), mosaic: str = "") -> None:
+    """The bench for sensors of a few px, behind a ``mosaic``, without some of its lamps and things, into ``file``. Its
+    ball, which has 9024 faces and takes half of the time of every rendering, has 480 here."""
     stage = Usd.Stage.Open(str(BENCH))
     ball = UsdGeom.Mesh(stage.GetPrimAtPath("/World/ball"))
     points = np.array(ball.GetPointsAttr().Get())
@@ -48,7 +48,8 @@ def little_bench(file: Path, width: int, height: int, without: Sequence[str] = (
         assert stage.RemovePrim(f"/World/{name}")
     text = stage.GetRootLayer().ExportToString()
     assert text.count("(480, 360)") == 2
-    file.write_text(text.replace("(480, 360)", f"({width}, {height})"))
+    filters = f'\n        token sensor:mosaic = "{mosaic}"' if mosaic else ""
+    file.write_text(text.replace("(480, 360)", f"({width}, {height}){filters}"))
 
 
 def camera_at(time: float) -> str:
@@ -116,10 +117,11 @@ def rig_in(
     without: Sequence[str] = (),
     reflected: bool = True,
     times: tuple[int, ...] = TIMES,
+    mosaic: str = "",
 ) -> Rig:
     """``without``: what the bench has besides three of its lamps; ``reflected``: whether it shows light by way of
-    surfaces."""
-    little_bench(folder / "scene.usda", WIDTH, HEIGHT, without=("LED2", "LED3", "LED5", *without))
+    surfaces; ``mosaic``: of its sensors."""
+    little_bench(folder / "scene.usda", WIDTH, HEIGHT, ("LED2", "LED3", "LED5", *without), mosaic)
     document = open_scene(folder / "scene.usda")
     views = [(s, s.camera(camera_at(s.time))) for s in map(document.scene, times)]
     with renderer("realtime", SAMPLES, reflected) as (render, settings):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.binned import LARGEST, binned_camera, binned_captures, times_binned
+from analysis.gap.binned import LARGEST, Binning, binned_camera, binned_captures, times_binned
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import Estimate, Finding
 from analysis.gap.expected import expected
@@ -62,16 +62,17 @@ def test_lengths_in_pixels_are_fewer() -> None:
     assert few.lens.field_blur == pytest.approx((0, 1.0, 1 / 3, 0))
 
 
-def test_a_mosaic_cannot_be_binned() -> None:
-    with pytest.raises(BrightfieldError, match="mosaic"):
-        binned_camera(replace(CAMERA, sensor=replace(SENSOR, mosaic=Mosaic.RGGB)), N)
+def test_a_processed_mosaic_cannot_be_binned() -> None:
+    processed = replace(SENSOR, mosaic=Mosaic.RGGB, output_bit_depth=8, jpeg_quality=90)
+    with pytest.raises(BrightfieldError, match="mosaic of colours that is processed"):
+        binned_camera(replace(CAMERA, sensor=processed), 2)
 
 
 def test_read_noise_of_own_pixels_is_the_sensor_s() -> None:
     """A mean of codes is rounded less than a code: what is taken off for that when binned is put back."""
     few = binned_camera(CAMERA, N).sensor
     told = {"K": Estimate(few.K, 0.0, "DN/e-"), "read_noise": Estimate(few.read_noise, 0.1, "e-")}
-    own = of_own_pixels(Finding("sensor_noise", 0.9, told, (), "", 2.0, 1.0, 0.5), N).parameters
+    own = of_own_pixels(Finding("sensor_noise", 0.9, told, (), "", 2.0, 1.0, 0.5), Binning(N)).parameters
     assert own["K"].value == pytest.approx(SENSOR.K)
     assert own["read_noise"].value == pytest.approx(SENSOR.read_noise)
 
@@ -97,7 +98,7 @@ def test_some_pixels_must_be_left() -> None:
 )
 def test_numbers_are_told_of_own_pixels(effect: str, name: str, unit: str, times: float) -> None:
     finding = Finding(effect, 0.9, {name: Estimate(2.0, 0.5, unit)}, (), "", 2.0, 1.0, 0.5)
-    told = of_own_pixels(finding, N).parameters[name]
+    told = of_own_pixels(finding, Binning(N)).parameters[name]
     assert (told.value, told.sigma, told.unit) == (pytest.approx(2 * times), pytest.approx(0.5 * times), unit)
 
 
@@ -147,7 +148,7 @@ def test_a_mean_of_what_is_saturated_is_left_out(bare: Rig) -> None:
     pixels = np.full_like(captures.captures[0].pixels, 100)
     pixels[10, 11] = 4095
     one = replace(captures, captures=(replace(captures.captures[0], pixels=pixels),))
-    few = binned_captures(one, bare.document, 4)
+    few = binned_captures(one, bare.document, Binning(4))
     mask = few.captures[0].mask
     assert mask is not None
     assert [list(x) for x in np.argwhere(~mask)] == [[2, 2]]

@@ -1,0 +1,192 @@
+"""Colour sensors are diagnosed by what their pixels measured, each channel where its filters lie."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.gap.binned import Binning, binned_camera, binning_of, times_binned
+from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.expected import expected
+from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
+from analysis.gap.own_pixels import of_own_pixels
+from analysis.gap.raw import raw
+from interchange.camera import Camera, Lens
+from interchange.captures import Capture
+from interchange.effects.white_balance import WhiteBalance
+from interchange.exposure import expose
+from interchange.formats import captures as captures_file
+from interchange.formats.document import open_scene
+from interchange.image import Image, Quantity
+from interchange.problems import BrightfieldError
+from interchange.sensor import Demosaic, Mosaic, Sensor
+from tests.analysis.gap_bench import Rig, little_bench, rig_in
+
+SENSOR = Sensor(
+    (96, 64),
+    (5e-6, 5e-6),
+    80.0,
+    9000.0,
+    12,
+    64.0,
+    8.0,
+    prnu=0.01,
+    dsnu=4.0,
+    row_noise=2.0,
+    mosaic=Mosaic.GRBG,
+)
+CAMERA = Camera("/World/Camera", lens=Lens(12e-3), sensor=SENSOR, t_exp=0.02)
+MIXED = (1.4, -0.3, -0.1, -0.2, 1.5, -0.3, 0.0, -0.4, 1.4)
+
+
+def of_mosaic(pattern: Mosaic, n: int) -> Camera:
+    return binned_camera(replace(CAMERA, sensor=replace(SENSOR, resolution=(192, 96), mosaic=pattern)), n)
+
+
+@pytest.mark.parametrize("pattern", [Mosaic.RGGB, Mosaic.BGGR, Mosaic.GRBG, Mosaic.GBRG])
+@pytest.mark.parametrize(("n", "finer"), [(2, 6), (4, 4), (6, 6)])
+def test_light_is_that_of_the_pixels_behind_each_filter(pattern: Mosaic, n: int, finer: int) -> None:
+    """Against a mosaic that is written pixel by pixel."""
+    h, w = 3, 4
+    fine = np.random.default_rng(1).random((finer * h, finer * w, 3), np.float32)
+    part = finer // n  # of the grid, along a pixel of the mosaic
+    own = fine.reshape(n * h, part, n * w, part, 3).mean(axis=(1, 3))
+    taken: dict[tuple[int, int, int], list[float]] = {}
+    greens = [k for k, letter in enumerate(pattern.value) if letter == "G"]
+    for y in range(n * h):
+        for x in range(n * w):
+            place = 2 * (y % 2) + x % 2
+            if place != greens[1]:
+                channel = "RGB".index(pattern.value[place])
+                taken.setdefault((y // n, x // n, channel), []).append(float(own[y, x, channel]))
+    sensor = of_mosaic(pattern, n).sensor
+    assert isinstance(sensor, BehindFilters)
+    found = seen_through(fine, finer, sensor)
+    for (y, x, channel), values in taken.items():
+        assert len(values) == n * n // 4
+        assert found[y, x, channel] == pytest.approx(np.mean(values), abs=1e-6)
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_what_is_rendered_on_the_sensor_s_grid_is_moved_as_far(n: int) -> None:
+    camera = of_mosaic(Mosaic.RGGB, n)
+    sensor = camera.sensor
+    assert isinstance(sensor, BehindFilters)
+    aside = offsets(camera)
+    assert aside is not None
+    assert aside == pytest.approx(np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]]) / n)
+    middles = (np.arange(12) + 0.5) / 12 - 0.5
+    for share, (u, v) in zip(shares(sensor, 12), aside, strict=True):
+        assert share.sum() == pytest.approx(1)
+        assert (share.sum(axis=0) @ middles, share.sum(axis=1) @ middles) == pytest.approx((u, v))
+    row, column = np.mgrid[:30, :40].astype(np.float32)
+    plane = np.repeat((column**2 + 2 * row + column * row)[..., None], 3, axis=2)
+    there = at_filters(plane, camera)
+    for k, (u, v) in enumerate(aside):
+        x, y = column + u, row + v
+        assert there[2:-2, 2:-2, k] == pytest.approx((x**2 + 2 * y + x * y)[2:-2, 2:-2], rel=1e-4, abs=0.02)
+
+
+@pytest.mark.parametrize("method", [Demosaic.BILINEAR, Demosaic.EDGE_AWARE])
+@pytest.mark.parametrize("mixed", [False, True])
+def test_demosaiced_captures_tell_what_pixels_measured(method: Demosaic, mixed: bool) -> None:
+    light = Image(np.random.default_rng(2).uniform(300, 500, (64, 96, 3)).astype(np.float32), camera=CAMERA)
+    plain = replace(SENSOR, demosaic=Demosaic.NONE)
+    processed = replace(SENSOR, demosaic=method, **({"color_correction": MIXED} if mixed else {}))
+    measured, given = (
+        expose(light, replace(CAMERA, sensor=s), rng=np.random.default_rng(3)).pixels
+        for s in (plain, processed)
+    )
+    capture = Capture("a.png", CAMERA.name, 0.0, CAMERA.t_exp, given)
+    told = raw(capture, replace(CAMERA, sensor=processed))
+    assert told.pixels.shape == measured.shape
+    assert told.mask is not None
+    assert told.mask.sum() == 62 * 94
+    # rounded after the matrix, of whose inverse the rows have a norm of 1 at most, and no DN is cut off
+    assert np.abs(told.pixels - measured)[told.mask].max() <= (1.0 if mixed else 0.0)
+    assert told.bits == (0 if mixed else 16)
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_a_mean_of_one_filter_s_pixels_is_what_a_sensor_that_bins_reads(n: int) -> None:
+    """Mean and both variances of each channel against frames of the mosaic: 500 frames of 384 or 96 means."""
+    level = np.array([400.0, 900.0, 150.0], np.float32)
+    camera = replace(CAMERA, sensor=replace(SENSOR, demosaic=Demosaic.NONE, row_noise=0.0))
+    flat = Image(np.broadcast_to(level, (64, 96, 3)).copy(), Quantity.RADIANCE, camera)
+    rng = np.random.default_rng(2)
+    h, w = 64 // n, 96 // n
+    frames = []
+    for _ in range(500):
+        dn = expose(flat, camera, rng=rng).pixels.reshape(h, n, w, n)
+        frames.append(
+            np.stack([dn[:, i::2, :, j::2].mean(axis=(1, 3)) for i, j in sites(Mosaic.GRBG)], axis=2)
+        )
+    seen = np.array(frames)
+    model = expected(np.broadcast_to(level, (h, w, 3)).copy(), binned_camera(camera, n))
+    for k in range(3):
+        values = seen[..., k]
+        assert values.mean() == pytest.approx(model.dn[..., k].mean(), rel=0.002)
+        assert values.var(axis=0, ddof=1).mean() == pytest.approx(model.temporal[..., k].mean(), rel=0.02)
+        pattern = values.mean(axis=0).var() - values.var(axis=0).mean() / len(values)
+        spread = np.sqrt(2 / values[0].size)  # of a variance, relative
+        assert pattern == pytest.approx(model.fixed[..., k].mean(), rel=4 * spread)
+
+
+def test_numbers_are_told_of_own_pixels() -> None:
+    def told(effect: str, name: str, unit: str) -> float:
+        finding = Finding(effect, 0.9, {name: Estimate(2.0, 0.5, unit)}, (), "", 2.0, 1.0, 0.5)
+        return of_own_pixels(finding, Binning(4, colours=True)).parameters[name].value
+
+    assert told("principal_point", "cx", "px") == pytest.approx(8)
+    assert told("sensor_noise", "K", "DN/e-") == pytest.approx(8)
+    assert told("rolling_shutter", "line_time", "s") == pytest.approx(0.5)
+
+
+@pytest.fixture(scope="module")
+def colours(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
+    """A pin before prints, seen by one camera behind a mosaic, which demosaics."""
+    without = ("bracket", "ball", "wall_a", "wall_b")
+    return rig_in(
+        tmp_path_factory.mktemp("colours"), kept, without, False, (0, 1, 4, 6, 10, 12), mosaic="RGGB"
+    )
+
+
+def test_a_colour_camera_s_channels_are_told_apart(colours: Rig) -> None:
+    """Demosaiced captures: their noise is the sensor's, what its filters do is no aberration, and channels are off by
+    what they are off by."""
+    gains = WhiteBalance(red=1.06, blue=0.95)
+    captures = colours.captured("balance", (gains,))
+    assert captures.captures[0].pixels.shape[2] == 3
+    n = times_binned(captures, colours.document)
+    assert n == 2
+    d = colours.diagnosed(captures, "balance", binning=n, reflected=False).diagnosis
+    assert {e.name for e in d.effects} == {"white_balance"}
+    for name, true in (("red", gains.red), ("blue", gains.blue)):
+        found = d.effects[0].parameters[name]
+        assert abs(found.value - true) < 4 * found.sigma < 0.05
+    assert d.gap.after < 1.1
+    assert any("mosaic of colours" in note for note in d.notes)
+    assert d.verification is not None
+    assert d.verification.holds
+
+
+def test_what_cannot_be_is_told(colours: Rig, tmp_path: Path) -> None:
+    captures = colours.captured("odd", ())
+    with pytest.raises(BrightfieldError, match="--bin must be even"):
+        binning_of(captures, colours.document, 3)
+    little_bench(tmp_path / "scene.usda", 112, 84, mosaic="RGGB")
+    text = (tmp_path / "scene.usda").read_text()
+    one, other = text.index('sensor:mosaic = "RGGB"'), text.rindex('sensor:mosaic = "RGGB"')
+    assert one < other
+    (tmp_path / "scene.usda").write_text(text[:other] + text[other:].replace('"RGGB"', '"mono"', 1))
+    document = open_scene(tmp_path / "scene.usda")
+    entries = []
+    for k in range(2):
+        (tmp_path / f"{k}.png").write_bytes((colours.folder / "odd" / "00.png").read_bytes())
+        entries.append({"image": f"{k}.png", "camera": f"/World/Camera{k}", "time": 0, "exposure": 1.0})
+    (tmp_path / "captures.json").write_text(json.dumps({"scene": "scene.usda", "captures": entries}))
+    mixed = captures_file.read(tmp_path / "captures.json")
+    with pytest.raises(BrightfieldError, match="must be diagnosed apart"):
+        binning_of(mixed, document, 2)
