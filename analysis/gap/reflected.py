@@ -19,7 +19,7 @@ MOST = 2.0  # times that a pixel's mean is corrected by
 
 def finely(planes: np.ndarray, surface: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(n h, n w, C) float32 of (h, w, C) ``planes``. ``surface`` (n h, n w) tells surfaces apart, ``normal``
-    (n h, n w, 3) is unit, NaN where nothing is; n is odd."""
+    (n h, n w, 3) is unit, NaN where nothing is; of an even n the middle is the part right below it."""
     h, w, channels = planes.shape
     n = surface.shape[0] // h
     if n == 1:
