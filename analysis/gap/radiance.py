@@ -241,15 +241,16 @@ def _at_full_power(scene: Scene, scenes: Sequence[Scene]) -> Scene:
 def _rendered(
     scene: Scene, camera: Camera, render: Render, settings: dict[str, Any], cache: Path
 ) -> Rendered:
-    key = fingerprint((scene.bodies, scene.lights, drawn(camera), settings, fineness(camera), MOST, TRACED))
+    eye, finer = drawn(camera), fineness(camera)
+    key = fingerprint((scene.bodies, scene.lights, eye, settings, finer, MOST, TRACED))
     file = cache / f"{key[:32]}.npz"
     intensity = {x.name: np.asarray(x.intensity, np.float64) for x in scene.lights}
-    arrays = kept_on_disk(file, lambda: _arrays(scene, camera, render, settings))
+    arrays = kept_on_disk(file, lambda: _arrays(scene, eye, finer, render, settings))
     scale = float(arrays.get("scale", 1.0))
     fine = {name: arrays[f"fine:{name}"] for name in intensity if f"fine:{name}" in arrays}
     around = kept_on_disk(
         cache / f"{fingerprint((key, COARSER))[:32]}.npz",
-        lambda: _leaning(scene, camera, arrays, render),
+        lambda: _leaning(scene, eye, arrays, render),
     )
     seen = partial(at_filters, camera=camera)
     return Rendered(
@@ -284,10 +285,11 @@ def kept_on_disk(file: Path, made: Callable[[], dict[str, np.ndarray]]) -> dict[
         return {name: stored[name] for name in stored.files}
 
 
-def _arrays(scene: Scene, camera: Camera, render: Render, settings: dict[str, Any]) -> dict[str, np.ndarray]:
+def _arrays(
+    scene: Scene, camera: Camera, finer: int, render: Render, settings: dict[str, Any]
+) -> dict[str, np.ndarray]:
     bounces = bool(settings.get("indirect"))
     width, height = camera.sensor.resolution
-    finer = fineness(camera)
     if 6 * finer**2 * width * height * len(scene.lights) > MOST:
         finer = 1
     eye = camera.resized(finer * width) if finer > 1 else camera
