@@ -8,9 +8,11 @@ have one scene file; the first case of each scene fills it. ``times.jsonl`` has 
 """
 
 import argparse
+import ctypes
 import hashlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -21,6 +23,7 @@ from queue import Queue
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 3600  # s
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def command(case: Path, out: Path, cache: Path, render: str, more: Sequence[str] = ()) -> list[str]:
@@ -70,6 +73,12 @@ def shared_out(cores: Sequence[int], workers: int) -> list[frozenset[int]]:
     return [frozenset(cores[(k * n + i) % len(cores)] for i in range(n)) for k in range(workers)]
 
 
+def _begun(cores: frozenset[int]) -> None:
+    """In the case's own process: on its cores, and ended where this one is killed (Linux)."""
+    os.sched_setaffinity(0, cores)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def _on(
     cores: frozenset[int], case: Path, out: Path, cache: Path, render: str, more: Sequence[str]
 ) -> tuple[str, float, int, str]:
@@ -80,7 +89,7 @@ def _on(
         done = subprocess.run(
             ["nice", *command(case, out, cache, render, more)],
             cwd=ROOT, env=environment, capture_output=True, text=True, timeout=LIMIT, check=False,
-            preexec_fn=lambda: os.sched_setaffinity(0, cores),
+            preexec_fn=lambda: _begun(cores),
         )  # fmt: skip
         code, said = done.returncode, done.stderr
         (out / "said.txt").write_text(done.stdout + done.stderr)
