@@ -76,7 +76,7 @@ def test_rect_near_by(rasterizer, make, target, size):
     assert np.allclose(irradiance(rasterizer, make, light, 256), expected, rtol=2 * SPREAD)
 
 
-def test_rect_shines_width_gradient(rasterizer, make):
+def test_rect_shines_to_one_side(rasterizer, make):
     light = Light(
         "lamp", LightKind.RECT, tuple(POWER), make.facing((0, 0, 0.3), (0, 0, 1)), width=0.1, height=0.1
     )

@@ -34,7 +34,7 @@ def test_outline_and_radiance(rasterizer, make, kind, telecentric):
     assert (image.passes["object_id"] == -1).all()  # passes tell of bodies
 
 
-def test_lamps_are_hidden_by_bodies_and_shine_width_gradient(rasterizer, make):
+def test_lamps_are_hidden_by_bodies_and_shine_to_one_side(rasterizer, make):
     screen = Body("/screen", make.plane(0.5, 2), Material("black", Lambert(0.0)), make.at(-0.25, 0, 1.5))
     camera = make.telecentric((0, 0, 2), (0, 0, 1), 0.01, (64, 64))
     up = Light(
