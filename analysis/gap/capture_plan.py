@@ -28,9 +28,10 @@ from analysis.gap.expected import expected
 from analysis.gap.geometry_terms import geometry_terms, moved_objects
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.material_terms import material_terms
+from analysis.gap.named import arrangement
 from analysis.gap.normal_equations import equations, stride_for
 from analysis.gap.parallel import each
-from analysis.gap.radiance import Render, Rendered, arrangement, render_all
+from analysis.gap.radiance import Render, Rendered, render_all
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Term
 from interchange.camera import Camera

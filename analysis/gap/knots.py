@@ -13,8 +13,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from analysis.gap.named import drawn, fingerprint
 from analysis.gap.parallel import by_asker
-from analysis.gap.radiance import Changes, Rendered, drawn, fingerprint, weighted
+from analysis.gap.radiance import Changes, Rendered, weighted
 from analysis.gap.reach import cropped, region
 from interchange.camera import Camera
 from interchange.effects import Effect

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gap.radiance import Render, Rendered, drawn, finely_lit, fingerprint, kept_on_disk
+from analysis.gap.named import drawn, fingerprint, kept_on_disk
+from analysis.gap.radiance import Render, Rendered, finely_lit
 from analysis.gap.reach import cropped
 from interchange.camera import Camera
 

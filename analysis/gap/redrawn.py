@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.knots import changed, lit_by, part_of
+from analysis.gap.named import drawn, fingerprint, kept_on_disk
 from analysis.gap.radiance import (
     FINE,
     PASSES,
@@ -20,10 +21,7 @@ from analysis.gap.radiance import (
     Paths,
     Render,
     Rendered,
-    drawn,
     finely_lit,
-    fingerprint,
-    kept_on_disk,
     pixels,
     render_all,
 )

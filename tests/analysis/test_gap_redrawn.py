@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.gap.conditions import Condition
-from analysis.gap.radiance import Changes, Paths, fingerprint, render_all
+from analysis.gap.named import fingerprint
+from analysis.gap.radiance import Changes, Paths, render_all
 from analysis.gap.redrawn import redrawn
 from interchange.camera import Camera
 from interchange.effects.light_position import LightPosition
