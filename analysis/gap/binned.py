@@ -12,15 +12,13 @@ EMVA Standard 1288, release 4.0: a pixel of a camera that bins is what it reads 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from math import ceil, sqrt
 
 import numpy as np
 
-from analysis.gap.cameras_as import CamerasAs
 from analysis.gap.expected import SATURATED
 from analysis.gap.filters import BehindFilters, sites
-from analysis.gap.raw import can_be_taken_apart, is_raw, raw
+from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.reach import cropped
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
@@ -28,6 +26,7 @@ from interchange.effects import MODELS
 from interchange.formats.document import Document
 from interchange.parameter import parameters
 from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 from interchange.sensor import IDENTITY, Demosaic, Mosaic
 
 LARGEST = 800_000  # pixels of a capture that are each taken by itself
@@ -51,10 +50,12 @@ OF_EFFECT: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Binning:
-    """``n`` x ``n`` pixels as one; ``colours``: of a mosaic, of whose pixels each channel has a quarter."""
+    """``n`` x ``n`` pixels as one; ``colours``: of a mosaic, of whose pixels each channel has a quarter. ``cameras``:
+    by name, those that captures are of."""
 
     n: int = 1
     colours: bool = False
+    cameras: frozenset[str] = frozenset()
 
     @property
     def averaged(self) -> int:
@@ -84,8 +85,21 @@ class Binning:
         return own
 
     def document(self, document: Document) -> Document:
-        """A scene file whose cameras bin, as far as their pixels can be."""
-        return document if self.n == 1 else CamerasAs(document, partial(_as_binned, n=self.n))
+        """A scene file whose ``cameras`` bin; the stage is the file's own."""
+        return document if self.n == 1 else BinnedDocument(document, self)
+
+
+class BinnedDocument(Document):
+    """``document`` with cameras that bin as ``by`` says."""
+
+    def __init__(self, document: Document, by: Binning) -> None:
+        super().__init__(document.stage, document.path, document.problems)
+        self.own, self.by = document, by
+
+    def scene(self, time: float | None = None) -> Scene:
+        scene, by = self.own.scene(time), self.by
+        cameras = tuple(binned_camera(c, by.n) if c.name in by.cameras else c for c in scene.cameras)
+        return replace(scene, cameras=cameras)
 
 
 def times_binned(captures: Captures, document: Document) -> int:
@@ -93,26 +107,31 @@ def times_binned(captures: Captures, document: Document) -> int:
     camera's pixels cannot be binned."""
     most = max(c.pixels.shape[0] * c.pixels.shape[1] for c in captures.captures)
     cameras = _cameras(captures, document)
-    if not all(_can_be_binned(c) for c in cameras):
+    if any(_why_not(captures, c) for c in cameras):
         return 1
     n = max(ceil(sqrt(most / LARGEST)), 1)
-    return n + n % 2 if any(_has_colours(captures, c) for c in cameras) else n
+    return n + n % 2 if any(c.sensor.mosaic.is_bayer for c in cameras) else n
 
 
 def binning_of(captures: Captures, document: Document, n: int) -> Binning:
     """Raises BrightfieldError where ``n`` x ``n`` pixels of the captures' cameras cannot be one."""
     cameras = _cameras(captures, document)
-    colours = [c.name for c in cameras if _has_colours(captures, c)]
+    against = {c.name: why for c in cameras if (why := _why_not(captures, c))}
+    if against and n > 1:
+        name, why = next(iter(against.items()))
+        raise BrightfieldError(f"Pixels of {name}, which has {why}, cannot be binned.")
+    colours = sorted(c.name for c in cameras if c.sensor.mosaic.is_bayer and c.name not in against)
+    names = frozenset(c.name for c in cameras)
     if not colours:
-        return Binning(n)
+        return Binning(n, cameras=names)
     if len(colours) < len(cameras):
         raise BrightfieldError(
-            f"Captures of colour mosaics ({', '.join(sorted(colours))}) and of other sensors must be diagnosed apart, "
-            "in a captures.json each."
+            f"Captures of colour mosaics ({', '.join(colours)}) and of other sensors must be diagnosed apart, in a "
+            "captures.json each."
         )
     if n % 2:
         raise BrightfieldError(f"--bin must be even where pixels lie behind a mosaic of colours; got {n}.")
-    return Binning(n, colours=True)
+    return Binning(n, True, names)
 
 
 def _cameras(captures: Captures, document: Document) -> list[Camera]:
@@ -120,26 +139,19 @@ def _cameras(captures: Captures, document: Document) -> list[Camera]:
     return [c for c in document.scene().cameras if c.name in used]
 
 
-def _has_colours(captures: Captures, camera: Camera) -> bool:
-    """Whether all captures of the camera are a mosaic of colours, or can be taken apart into one."""
+def _why_not(captures: Captures, camera: Camera) -> str:
+    """What keeps the captures' pixels from being binned; "" where nothing does."""
+    if camera.lens.measured_blur:
+        return "a measured blur"
     own = [c for c in captures.captures if c.camera == camera.name]
-    return camera.sensor.mosaic.is_bayer and (
-        all(is_raw(c, camera) for c in own)
-        or (can_be_taken_apart(camera) and all(c.pixels.shape[2] == 3 for c in own))
-    )
-
-
-def _can_be_binned(camera: Camera) -> bool:
-    mixed = camera.sensor.mosaic.is_bayer and camera.sensor.demosaic is not Demosaic.NONE
-    return not camera.lens.measured_blur and not (mixed and not can_be_taken_apart(camera))
+    if camera.sensor.mosaic.is_bayer and not all(tells_its_pixels(c, camera) for c in own):
+        return "a mosaic of colours that is processed"
+    return ""
 
 
 def binned_camera(camera: Camera, n: int) -> Camera:
     """The camera with n x n pixels read out as one; columns and rows that are left over are not."""
     s = camera.sensor
-    if not _can_be_binned(camera):
-        what = "a mosaic of colours that is processed" if s.mosaic.is_bayer else "a measured blur"
-        raise BrightfieldError(f"Pixels of {camera.name}, which has {what}, cannot be binned.")
     if min(s.resolution) // n < FEWEST:
         w, h = s.resolution
         raise BrightfieldError(f"--bin {n} leaves less than {FEWEST} of the {w} x {h} px of {camera.name}.")
@@ -169,15 +181,11 @@ def _behind_filters(sensor: Sensor, n: int) -> BehindFilters:
     return BehindFilters(**numbers, pattern=sensor.mosaic, across=n)
 
 
-def _as_binned(camera: Camera, n: int) -> Camera:
-    return binned_camera(camera, n) if _can_be_binned(camera) else camera
-
-
 def binned_captures(captures: Captures, document: Document, by: Binning) -> Captures:
     """Means over n x n pixels, of each channel's own behind a mosaic. A pixel at which one of them is saturated or
     masked is left out: there the mean is no linear sum of light.
 
-    Raises BrightfieldError where a camera's pixels cannot be binned."""
+    ``by``: as ``binning_of`` says."""
     tolerances = captures.tolerances
     own = {c.name: c for c in _cameras(captures, document)}
     top = {name: 2 ** binned_camera(c, by.n).sensor.bits_out - 1 for name, c in own.items()}
@@ -190,7 +198,7 @@ def binned_captures(captures: Captures, document: Document, by: Binning) -> Capt
 
 def _binned(capture: Capture, camera: Camera, by: Binning, saturated: float) -> Capture:
     n = by.n
-    if by.colours and not is_raw(capture, camera):
+    if by.colours:
         capture = raw(capture, camera)
     h, w = (x // n * n for x in capture.pixels.shape[:2])
     parts = capture.pixels[:h, :w].reshape(h // n, n, w // n, n, -1)

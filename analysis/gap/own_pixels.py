@@ -12,10 +12,12 @@ def note(captures: Captures, by: Binning) -> str:
     h, w = captures.captures[0].pixels.shape[:2]
     n = by.n
     behind = " behind a mosaic of colours, each channel by the pixels of its own filter" if by.colours else ""
+    alone = "" if by.colours else "; --bin 1 takes each pixel by itself"
     codes = (
-        "" if by.averaged == 1 else " What single codes show, quantisation and JPEG, was not looked for"
-        f"{'' if by.colours else '; --bin 1 takes each pixel by itself'}."
-    )  # fmt: skip
+        f" What single codes show, quantisation and JPEG, was not looked for{alone}."
+        if by.averaged > 1
+        else ""
+    )
     return (
         f"Captures of {w} x {h} px were diagnosed by means over {n} x {n} pixels (--bin {n}){behind}. Numbers of "
         f"effects and edges are told in the sensor's own pixels and electrons; sizes of structures and a --metric in "

@@ -14,28 +14,35 @@ import numpy as np
 
 from interchange.camera import Camera
 from interchange.captures import Capture
-from interchange.effects.demosaic import Demosaic
 from interchange.effects.mosaic import phases
-from interchange.sensor import IDENTITY, Response
+from interchange.effects.response_curve import ResponseCurve
+from interchange.sensor import IDENTITY
+
+WORST = 1e3  # condition of a colour matrix that is taken back
 
 
-def is_raw(capture: Capture, camera: Camera) -> bool:
-    """Whether a capture of a colour mosaic is as its pixels are."""
-    return capture.pixels.shape[2] == 1 and not Demosaic.of(camera).is_there
+def is_raw(capture: Capture) -> bool:
+    """Whether a colour sensor's capture is as its pixels are: demosaiced ones have three channels."""
+    return capture.pixels.shape[2] == 1
 
 
-def can_be_taken_apart(camera: Camera) -> bool:
-    """Whether demosaiced captures of a colour mosaic tell what its pixels measured."""
+def tells_its_pixels(capture: Capture, camera: Camera) -> bool:
+    """Whether a colour sensor's capture is what its pixels measured, or can be taken apart into that."""
     sensor = camera.sensor
+    if sensor.jpeg_quality:
+        return False
+    if is_raw(capture) or sensor.color_correction == IDENTITY:
+        return True
+    fewer = capture.bits == 8 and sensor.bits_out > 8  # of another black level than the sensor's
     M = np.array(sensor.color_correction).reshape(3, 3)
-    plain = sensor.color_correction == IDENTITY or (
-        sensor.response is Response.LINEAR and bool(np.linalg.cond(M) < 1e3)
-    )
-    return Demosaic.of(camera).is_there and not sensor.jpeg_quality and plain
+    return not fewer and not ResponseCurve.of(camera).is_there and bool(np.linalg.cond(M) < WORST)
 
 
 def raw(capture: Capture, camera: Camera) -> Capture:
-    """A capture (H, W, 3) of a demosaicing ``camera`` as (H, W, 1), its outermost pixels masked."""
+    """A capture that ``tells_its_pixels``, (H, W, 3), as (H, W, 1), its outermost pixels masked; one that is raw as it
+    is."""
+    if is_raw(capture):
+        return capture
     sensor, pixels = camera.sensor, capture.pixels
     mixed = sensor.color_correction != IDENTITY
     if mixed:

@@ -17,7 +17,6 @@ from interchange.exposure import expose
 from interchange.formats.document import open_scene
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
-from interchange.sensor import Mosaic
 from tests.analysis.gap_bench import Rig, rig_in
 
 N = 3
@@ -60,12 +59,6 @@ def test_lengths_in_pixels_are_fewer() -> None:
     few = binned_camera(CAMERA, N)
     assert few.lens.blur == pytest.approx(0.5)
     assert few.lens.field_blur == pytest.approx((0, 1.0, 1 / 3, 0))
-
-
-def test_a_processed_mosaic_cannot_be_binned() -> None:
-    processed = replace(SENSOR, mosaic=Mosaic.RGGB, output_bit_depth=8, jpeg_quality=90)
-    with pytest.raises(BrightfieldError, match="mosaic of colours that is processed"):
-        binned_camera(replace(CAMERA, sensor=processed), 2)
 
 
 def test_read_noise_of_own_pixels_is_the_sensor_s() -> None:

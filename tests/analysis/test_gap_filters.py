@@ -12,13 +12,13 @@ from analysis.gap.diagnosis import Estimate, Finding
 from analysis.gap.expected import expected
 from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
 from analysis.gap.own_pixels import of_own_pixels
-from analysis.gap.raw import raw
+from analysis.gap.raw import raw, tells_its_pixels
 from interchange.camera import Camera, Lens
-from interchange.captures import Capture
+from interchange.captures import Capture, Captures
 from interchange.effects.white_balance import WhiteBalance
 from interchange.exposure import expose
 from interchange.formats import captures as captures_file
-from interchange.formats.document import open_scene
+from interchange.formats.document import Document, open_scene
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
 from interchange.sensor import Demosaic, Mosaic, Sensor
@@ -149,13 +149,13 @@ def colours(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
     """A pin before prints, seen by one camera behind a mosaic, which demosaics."""
     without = ("bracket", "ball", "wall_a", "wall_b")
     return rig_in(
-        tmp_path_factory.mktemp("colours"), kept, without, False, (0, 1, 4, 6, 10, 12), mosaic="RGGB"
+        tmp_path_factory.mktemp("colours"), kept, without, False, (0, 1, 4, 6, 7, 10, 12), mosaic="RGGB"
     )
 
 
 def test_a_colour_camera_s_channels_are_told_apart(colours: Rig) -> None:
-    """Demosaiced captures: their noise is the sensor's, what its filters do is no aberration, and channels are off by
-    what they are off by."""
+    """Demosaiced captures with repeats: their noise is the sensor's, where interpolated values would have less; what
+    its filters do is no aberration, and channels are off by what they are off by."""
     gains = WhiteBalance(red=1.06, blue=0.95)
     captures = colours.captured("balance", (gains,))
     assert captures.captures[0].pixels.shape[2] == 3
@@ -168,6 +168,7 @@ def test_a_colour_camera_s_channels_are_told_apart(colours: Rig) -> None:
         assert abs(found.value - true) < 4 * found.sigma < 0.05
     assert d.gap.after < 1.1
     assert any("mosaic of colours" in note for note in d.notes)
+    assert not any("Not tried" in note and "sensor noise" in note for note in d.notes)
     assert d.verification is not None
     assert d.verification.holds
 
@@ -176,17 +177,33 @@ def test_what_cannot_be_is_told(colours: Rig, tmp_path: Path) -> None:
     captures = colours.captured("odd", ())
     with pytest.raises(BrightfieldError, match="--bin must be even"):
         binning_of(captures, colours.document, 3)
-    little_bench(tmp_path / "scene.usda", 112, 84, mosaic="RGGB")
-    text = (tmp_path / "scene.usda").read_text()
-    one, other = text.index('sensor:mosaic = "RGGB"'), text.rindex('sensor:mosaic = "RGGB"')
-    assert one < other
-    (tmp_path / "scene.usda").write_text(text[:other] + text[other:].replace('"RGGB"', '"mono"', 1))
-    document = open_scene(tmp_path / "scene.usda")
+    file = tmp_path / "scene.usda"
+    little_bench(file, 112, 84, mosaic="RGGB")
+    text = file.read_text()
     entries = []
     for k in range(2):
         (tmp_path / f"{k}.png").write_bytes((colours.folder / "odd" / "00.png").read_bytes())
         entries.append({"image": f"{k}.png", "camera": f"/World/Camera{k}", "time": 0, "exposure": 1.0})
     (tmp_path / "captures.json").write_text(json.dumps({"scene": "scene.usda", "captures": entries}))
-    mixed = captures_file.read(tmp_path / "captures.json")
+
+    def with_other(words: str) -> tuple[Captures, Document]:
+        """Its second camera has these attributes."""
+        head, tail = text.rsplit('token sensor:mosaic = "RGGB"', 1)
+        file.write_text(head + words + tail)
+        return captures_file.read(tmp_path / "captures.json"), open_scene(file)
+
     with pytest.raises(BrightfieldError, match="must be diagnosed apart"):
-        binning_of(mixed, document, 2)
+        binning_of(*with_other('token sensor:mosaic = "mono"'), 2)
+    processed = with_other(
+        'token sensor:mosaic = "RGGB"\n int sensor:outputBitDepth = 8\n int sensor:jpegQuality = 90'
+    )
+    assert times_binned(*processed) == 1
+    with pytest.raises(BrightfieldError, match="mosaic of colours that is processed, cannot be binned"):
+        binning_of(*processed, 2)
+
+
+def test_one_channel_of_a_colour_camera_is_raw() -> None:
+    """Also where the scene file says that the camera demosaics."""
+    capture = Capture("a.png", CAMERA.name, 0.0, CAMERA.t_exp, np.ones((64, 96, 1), np.float32))
+    assert tells_its_pixels(capture, CAMERA)
+    assert raw(capture, CAMERA) is capture
