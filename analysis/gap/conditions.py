@@ -43,6 +43,7 @@ class Condition:
     )  # DN rms of lines that were evened, by axis (lines.py)
     noise: Noise | None = None  # where it is not the data sheet's
     allowed: np.ndarray | None = None  # (H, W) bool: what is ``compared``, where another rendering told it
+    when: float = 0.0  # 0 for the first of its camera, 1 for the last, in the order of the captures
 
     @property
     def name(self) -> str:
@@ -127,7 +128,14 @@ def conditions(captures: Captures, document: Document) -> list[Condition]:
     found = [
         _condition(tuple(members), scene, camera) for members, scene, camera in _grouped(captures, document)
     ]
-    return _split(found, captures.holdout)
+    return _split(_in_order(found), captures.holdout)
+
+
+def _in_order(found: Sequence[Condition]) -> list[Condition]:
+    of = {name: [c for c in found if c.camera.name == name] for name in {c.camera.name for c in found}}
+    return [
+        replace(c, when=own.index(c) / max(len(own) - 1, 1)) for c in found for own in [of[c.camera.name]]
+    ]
 
 
 def must_fit(captures: Captures, document: Document) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.gap.chain_terms import DARK
+from analysis.gap.mounts import CREEPING
 from analysis.gap.saturation_terms import KNEES, lost_above
 from analysis.gap.uneven_blur import CORNER, FOURTH
 from interchange.camera import Camera
@@ -95,6 +96,10 @@ def changed(scene: Scene, own: Scene, change: Change) -> Scene:
     if change.patterns:
         return painted(scene, change.target, change.patterns)
     if not model.is_of_the_chain():
+        if change.target.endswith(CREEPING):
+            raise BrightfieldError(
+                "A scene file says where a camera stands, and not that it stands elsewhere for each capture."
+            )
         target, _, _ = change.target.partition(STAND)
         if _stands_elsewhere(change, own):
             return scene

@@ -13,7 +13,7 @@ import numpy as np
 from analysis.gap import lens_flow
 from analysis.gap.camera_terms import of_all, of_one, several
 from analysis.gap.conditions import Condition
-from analysis.gap.mounts import ALL
+from analysis.gap.mounts import ALL, CREEPING
 from analysis.gap.radiance import Rendered
 from analysis.gap.state import State
 from analysis.gap.terms import NUISANCE, Flow, Term, moving
@@ -30,6 +30,7 @@ ZONE = 0.6**1.5 * 0.4  # the most of ρ³ - ρ⁵
 FLAT = 0.02
 CONVENTION = 0.5  # of a principal point's tolerance: what all cameras' are off by alike
 DECENTRED = 0.3  # of a lens's distortion: its elements stand nearly on one axis
+CREEPS_IN = 4  # conditions of a camera, from which on that is told from what each of them shows
 LEAST_OUTLINE = 30  # px of an object's outline in view, for the same
 LEAST_PIXELS = 200  # that an object must cover to have a pose of its own
 
@@ -46,6 +47,7 @@ def geometry_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> l
         first = next(c for c in conditions if c.camera.name == name)
         terms += of_one(_lens(first, px), name) if several(conditions) else []
         terms += _undone(name, _farthest(first), px)
+        terms += _creeping(name, conditions, tolerances.registration_px)
     terms += _read_out(conditions, px)
     if not any(has_edges(c) for c in conditions):
         terms = [replace(t, cause=NUISANCE) for t in terms]
@@ -127,6 +129,32 @@ def _pose(name: str, condition: Condition, px: float) -> list[Term]:
         terms.append(moving("camera_pose", name, f"r{'xyz'[axis]}", "mrad", omega, turn))
     if condition.camera.lens.projection is not Projection.ORTHOGRAPHIC:
         terms += _parallax(name, depth[np.isfinite(depth)], z, f, px)
+    return terms
+
+
+def _creeping(name: str, conditions: Sequence[Condition], px: float) -> list[Term]:
+    """A camera whose mount gives way while it captures: it turns by as much from each condition to the next, ``px`` as
+    expected from the first to the last. Between repeats nothing is touched, so that they are taken as alike. Linear where
+    the image stands: conditions that share a rendering share what moves it, too."""
+    own = [c for c in conditions if c.camera.name == name]
+    if len({c.when for c in own}) < CREEPS_IN:
+        return []
+    terms = []
+    for axis in range(2):
+        unit = np.eye(3, dtype=np.float32)[axis]
+
+        def field(s: State, unit: np.ndarray = unit) -> np.ndarray | None:
+            if s.camera.name != name:
+                return None
+            du, dv = _projected(s, np.float32(1e-3) * np.cross(unit, s.in_camera))
+            since = np.float32(s.condition.when - 0.5)
+            return s.shifted(since * du, since * dv)
+
+        word = f"turn about {'xy'[axis]} from first to last capture"
+        spike = px / (1e-3 * own[0].camera.K[0, 0])
+        # a shift of all of its captures beside it is the camera's, too
+        against = ("principal_point",)
+        terms.append(Term("camera_pose", name + CREEPING, word, "mrad", spike, field, against=against))
     return terms
 
 

@@ -1,4 +1,4 @@
-"""Lamps that stand on one mount: a ring, a bar or a frame that is off moves all that hang on it alike."""
+"""What lamps and cameras are mounted on: a ring, a bar or a frame that is off moves all lamps that hang on it alike."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ from interchange.effects.parts import members
 
 MOUNT = 0.5  # of a lamp's tolerance: what its mount is off by; no file says, and the smaller, the rarer a bank is found
 ALL = ""  # the target of all lamps, or of all cameras
+CREEPING = ", creeping"  # after a camera's name: what its mount gives way by while it captures
 
 
 def on_one_mount(lamps: Sequence[str]) -> list[str]:
