@@ -5,6 +5,7 @@ sum is 1. Outside the image its border goes on.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import cv2
@@ -17,6 +18,7 @@ from interchange.local import ROWS, Function, Local, banded
 BORDER = cv2.BORDER_REPLICATE
 AIRY_REACH = 8.0  # kernel radius in units of λN; the 2.5 % of light that lie outside are folded back
 MOST_AIRY = 160  # px
+FAINT = 0.1  # of the light: edges between cells that differ by no more are left to straight lines
 RIM = 1e-4  # of the light, that one ring of a combined kernel may be left out with
 SEPARABLE_ERROR = 1e-3  # of a kernel's norm, that its sum of separable kernels may miss
 
@@ -219,6 +221,66 @@ def resample(
         )
 
     each_band(work, height, width)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Of cells (H, W, C) those near an edge: ``place`` (H, W) int32, -1 or the number of each, and ``found``
+    (n, C, 6) what `interchange.kernels.edges` finds in them."""
+
+    place: np.ndarray
+    found: np.ndarray
+
+    def of(self, channel: int) -> "Edges":
+        return Edges(self.place, self.found[:, channel : channel + 1])
+
+
+def edges(cells: np.ndarray) -> Edges:
+    """Of ``cells`` (H, W, C), means over squares: where there are sharp edges in them."""
+    from interchange import kernels  # Numba comes with it
+
+    cells = np.ascontiguousarray(cells, np.float32)
+    around = np.ones((5, 5), np.uint8)  # whose values tell a cell's edge
+    high, low = cv2.dilate(cells, around), cv2.erode(cells, around)
+    steep = (high - low > FAINT * np.maximum(np.abs(high), np.abs(low))).reshape(cells.shape).any(axis=2)
+    rim = np.zeros_like(steep)
+    rim[2:-2, 2:-2] = True
+    row, column = np.nonzero(steep & rim)
+    place = np.full(steep.shape, -1, np.int32)
+    place[row, column] = np.arange(len(row), dtype=np.int32)
+    return Edges(place, kernels.edges(cells, row, column, FAINT))
+
+
+def resample_cells(
+    cells: np.ndarray, column: np.ndarray, row: np.ndarray, known: Edges | None = None
+) -> np.ndarray:
+    """``cells`` (H, W, C), means over squares of what may have sharp edges, at places (h, w): means over squares there.
+
+    Where a straight line through a cell, with what lies two cells off on either side of it, gives the cell's mean and
+    those of the cells beside it, it is that edge, and the mean over a square between cells is a sum of polygons: exact
+    for straight edges. The rest is left to `resample`, which misses up to an eighth of an edge's contrast where places
+    lie halfway between cells, and all places within a quarter of a cell: it averages what few samples give cells of
+    noise. A place's neighbours lie a cell apart, but for a few per cent. ``known``: `edges` of the
+    cells, which take longer than this.
+
+    Youngs: Time-dependent multi-material flow with large fluid distortion. Numerical Methods for Fluid Dynamics, 1982.
+    Scardovelli, Zaleski: Analytical relations connecting linear interfaces and volume fractions in rectangular grids.
+    Journal of Computational Physics 164, 2000.
+    """
+    from interchange import kernels  # Numba comes with it
+
+    column, row = (np.ascontiguousarray(place, np.float32) for place in (column, row))
+    cells = np.ascontiguousarray(cells, np.float32)
+    out = resample(cells, column, row)
+    near = edges(cells) if known is None else known
+
+    def work(start: int, stop: int) -> None:
+        kernels.with_edges(
+            out[start:stop], cells, near.place, near.found, column[start:stop], row[start:stop]
+        )
+
+    each_band(work, *column.shape)
     return out
 
 

@@ -12,6 +12,11 @@ CELLS = 4096  # equally likely parts of the normal distribution
 # the bounds of those parts; the first and the last reach to infinity and are drawn otherwise
 EDGES = ndtri(np.arange(CELLS + 1) / CELLS).astype(np.float32)
 TAIL = float(EDGES[-2])
+# t (1 - t) of a place t cells from one, up to which interpolation is left alone: rendered cells have as much noise from
+# their few samples, of which it takes the mean, as it misses
+NEAR = 0.19
+PURE = 0.01  # of an edge's contrast: a cell that is nearer to what is on one side has no part in it
+OFF = 0.1  # of an edge's contrast: where its line misses the cells beside it by half as much, it is not sharp for sure
 
 compiled = jit(nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 
@@ -207,3 +212,154 @@ def corrected(
                     + slope_y * (below - above)
                     - curve_y * (below + above - twice)
                 )
+
+
+@compiled
+def _below(alpha: np.float32, a: np.float32, b: np.float32) -> np.float32:
+    """The part of the unit square where ``a`` x + ``b`` y < ``alpha``; ``a``, ``b`` >= 0."""
+    if alpha <= 0:
+        return np.float32(0)
+    if alpha >= a + b:
+        return np.float32(1)
+    if min(a, b) < np.float32(1e-4) * (a + b):
+        return alpha / (a + b)
+    over_a, over_b = max(alpha - a, np.float32(0)), max(alpha - b, np.float32(0))
+    return (alpha * alpha - over_a * over_a - over_b * over_b) / (np.float32(2) * a * b)
+
+
+@compiled
+def _line(part: np.float32, a: np.float32) -> np.float32:
+    """Where the line a x + (1 - a) y = α lies that has ``part`` of the unit square below it, α; ``a`` <= 1/2."""
+    half = min(part, np.float32(1) - part)
+    alpha = half * (np.float32(1) - a) + np.float32(0.5) * a
+    if half * (np.float32(1) - a) < np.float32(0.5) * a:
+        alpha = np.sqrt(np.float32(2) * a * (np.float32(1) - a) * half)
+    return alpha if part <= np.float32(0.5) else np.float32(1) - alpha
+
+
+@compiled
+def _slope(before: np.float32, own: np.float32, after: np.float32) -> np.float32:
+    """A cell's, between its neighbours': none beside an edge (van Leer 1977)."""
+    first, second = own - before, after - own
+    if first * second <= 0:
+        return np.float32(0)
+    least = min(np.float32(0.5) * abs(after - before), 2 * min(abs(first), abs(second)))
+    return least if after > before else -least
+
+
+@compiled
+def _edge(cells: np.ndarray, k: int, m: int, c: int, faint: float, found: np.ndarray) -> None:
+    """Where channel ``c`` of the cell in row ``k`` and column ``m`` has one sharp edge, into ``found`` (6,): how surely
+    it has one, from 0 to 1, or -1 beside one; its slopes along both, its line's α, what is above and by how much that
+    is more than what is below."""
+    up, own, down = cells[k - 1], cells[k], cells[k + 1]
+    mean = own[m, c]
+    corners_x = up[m + 1, c] + down[m + 1, c] - up[m - 1, c] - down[m - 1, c]
+    corners_y = down[m - 1, c] + down[m + 1, c] - up[m - 1, c] - up[m + 1, c]
+    gx = corners_x + 2 * (own[m + 1, c] - own[m - 1, c])
+    gy = corners_y + 2 * (down[m, c] - up[m, c])
+    if abs(gx) >= abs(gy):
+        before, first, second, after = own[m - 2, c], own[m - 1, c], own[m + 1, c], own[m + 2, c]
+    else:
+        before, first, second, after = cells[k - 2][m, c], up[m, c], down[m, c], cells[k + 2][m, c]
+    if after < before:
+        before, first, second, after = after, second, first, before
+    range_ = after - before
+    steep = abs(gx) + abs(gy)
+    flat = range_ <= faint * max(abs(after), abs(before)) or steep <= np.float32(1e-3) * range_
+    found[0] = 0
+    if flat or mean < before or mean > after:
+        return
+    across, along = max(abs(gx), abs(gy)) / steep, min(abs(gx), abs(gy)) / steep
+    part = (after - mean) / range_
+    if min(part, np.float32(1) - part) < PURE:
+        found[0] = -1
+        return
+    alpha = _line(part, along)
+    # what the same line, further on, would give the cells on both sides
+    lower = after - range_ * _below(alpha + across, across, along)
+    upper = after - range_ * _below(alpha - across, across, along)
+    off = max(abs(first - lower), abs(second - upper)) / range_
+    found[0] = min(max(np.float32(1.5) - off / np.float32(OFF), np.float32(0)), np.float32(1))
+    found[1], found[2], found[3], found[4], found[5] = gx / steep, gy / steep, alpha, after, range_
+
+
+@compiled
+def edges(cells: np.ndarray, row: np.ndarray, column: np.ndarray, faint: float) -> np.ndarray:
+    """(n, C, 6) of the cells (H, W, C) in ``row`` and ``column`` (n,), two or more from the rim: what `with_edges`
+    takes."""
+    out = np.empty((len(row), cells.shape[2], 6), np.float32)
+    for n in range(len(row)):
+        for c in range(cells.shape[2]):
+            _edge(cells, row[n], column[n], c, faint, out[n, c])
+    return out
+
+
+@compiled
+def _in_corner(
+    cells: np.ndarray, k: int, m: int, c: int, corner: tuple[float, float, float, float], found: np.ndarray
+) -> np.float32:
+    """The integral of channel ``c`` over a ``corner`` (columns, from and to, and rows, each from 0 to 1) of the cell in
+    row ``k`` and column ``m``."""
+    x0, x1, y0, y1 = corner
+    area = np.float32((x1 - x0) * (y1 - y0))
+    total, sure = np.float32(0), max(found[0], np.float32(0))
+    if sure < 1:
+        own = cells[k, m, c]
+        across = _slope(cells[k, m - 1, c], own, cells[k, m + 1, c]) * np.float32(0.5 * (x0 + x1 - 1))
+        down = _slope(cells[k - 1, m, c], own, cells[k + 1, m, c]) * np.float32(0.5 * (y0 + y1 - 1))
+        total += (np.float32(1) - sure) * area * (own + across + down)
+    if sure > 0:
+        if found[1] < 0:
+            x0, x1 = 1 - x1, 1 - x0
+        if found[2] < 0:
+            y0, y1 = 1 - y1, 1 - y0
+        a, b = abs(found[1]), abs(found[2])
+        dark = _below(
+            np.float32(found[3] - a * x0 - b * y0), np.float32(a * (x1 - x0)), np.float32(b * (y1 - y0))
+        )
+        total += sure * area * (found[4] - found[5] * dark)
+    return total
+
+
+@compiled
+def with_edges(
+    out: np.ndarray,
+    cells: np.ndarray,
+    place: np.ndarray,
+    found: np.ndarray,
+    column: np.ndarray,
+    row: np.ndarray,
+) -> None:
+    """``cells`` (H, W, C) at places (r, w) into ``out`` (r, w, C), as `interchange.filtering.resample_cells` says,
+    where all four cells that they lie between are among ``edges``: ``place`` (H, W) says which of ``found`` each is, or
+    -1."""
+    height, width, channels = cells.shape
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = column[i, j], row[i, j]
+            m, k = int(np.floor(x)), int(np.floor(y))
+            if m < 0 or k < 0 or m > width - 2 or k > height - 2:
+                continue
+            p, q, r, s = place[k, m], place[k, m + 1], place[k + 1, m], place[k + 1, m + 1]
+            if p < 0 or q < 0 or r < 0 or s < 0:
+                continue
+            t, u = x - m, y - k
+            # of bilinear interpolation's variance, which is what it misses of an edge; 1/4 halfway
+            between = max(t * (1 - t), u * (1 - u))
+            share = np.float32(min((between - NEAR) / (0.25 - NEAR) * 2, 1.0))
+            if share <= 0:
+                continue
+            for c in range(channels):
+                if (
+                    found[p, c, 0] == 0
+                    and found[q, c, 0] == 0
+                    and found[r, c, 0] == 0
+                    and found[s, c, 0] == 0
+                ):
+                    continue
+                total = _in_corner(cells, k, m, c, (t, 1.0, u, 1.0), found[p, c])
+                total += _in_corner(cells, k, m + 1, c, (0.0, t, u, 1.0), found[q, c])
+                total += _in_corner(cells, k + 1, m, c, (t, 1.0, 0.0, u), found[r, c])
+                total += _in_corner(cells, k + 1, m + 1, c, (0.0, t, 0.0, u), found[s, c])
+                out[i, j, c] += share * (total - out[i, j, c])

@@ -134,8 +134,8 @@ def _pose(name: str, condition: Condition, px: float) -> list[Term]:
 
 def _creeping(name: str, conditions: Sequence[Condition], px: float) -> list[Term]:
     """A camera whose mount gives way while it captures: it turns by as much from each condition to the next, ``px`` as
-    expected from the first to the last. Between repeats nothing is touched, so that they are taken as alike. Linear where
-    the image stands: conditions that share a rendering share what moves it, too."""
+    expected from the first to the last. Between repeats nothing is touched, so that they are taken as alike. Linear
+    where the image stands: conditions that share a rendering share what moves it, too."""
     own = [c for c in conditions if c.camera.name == name]
     if len({c.when for c in own}) < CREEPS_IN:
         return []

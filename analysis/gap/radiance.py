@@ -25,6 +25,7 @@ from analysis.gap.reflected import finely
 from analysis.gap.room import COARSER, DOME, coarsely, leanings, share_of
 from interchange.camera import Camera
 from interchange.effects import Effect
+from interchange.filtering import Edges, edges
 from interchange.image import Image
 from interchange.light import Light
 from interchange.scene import Scene
@@ -98,6 +99,11 @@ class Rendered:
         """Rows and columns of ``fine`` that the sensor sees."""
         around, (w, h) = self.finer * self.margin, self.camera.sensor.resolution
         return slice(around, around + self.finer * h), slice(around, around + self.finer * w)
+
+    @own_property
+    def edges(self) -> dict[str, Edges]:
+        """Of each lamp those on the finer grid."""
+        return {name: edges(single(plane)) for name, plane in self.fine.items()}
 
     def nearest(self, scene: Changes) -> "Rendered":
         """Of this and ``elsewhere`` the one where most of ``scene`` is in force, and nothing else."""

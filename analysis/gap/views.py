@@ -16,7 +16,7 @@ from analysis.gap.fine_optics import SHARP, Blur, blurred
 from analysis.gap.knots import Change
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Rendered, means, pixels, single
-from interchange.filtering import resample
+from interchange.filtering import Edges, resample, resample_cells
 
 KEPT = 6  # views, of which each has its neighbours
 MOST_FINER = 400e6  # bytes of finer grids that are kept beside the last one
@@ -118,7 +118,9 @@ class Views:
         found = {}
         for name, plane in self.base.fine.items():
             there = single(plane)
-            there = there[self.base.frame] if place is None else _resampled(there, place)
+            there = (
+                there[self.base.frame] if place is None else _resampled(there, place, self.base.edges[name])
+            )
             found[name] = cv2.copyMakeBorder(blurred(there, self.blur, n), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         return found
 
@@ -192,10 +194,16 @@ def placed(plane: np.ndarray, flow: np.ndarray | None, further: tuple[float, flo
 Places = list[tuple[np.ndarray, np.ndarray]]  # columns and rows, of all channels or of each
 
 
-def _resampled(plane: np.ndarray, places: Places) -> np.ndarray:
+def _resampled(plane: np.ndarray, places: Places, edges: Edges | None = None) -> np.ndarray:
+    """With the ``edges`` of a finer grid, as sharp as they are."""
+    plane = np.ascontiguousarray(plane)
     if len(places) == 1:
-        return resample(np.ascontiguousarray(plane), *places[0])
-    return np.concatenate([resample(plane[..., c : c + 1], *place) for c, place in enumerate(places)], axis=2)
+        return resample(plane, *places[0]) if edges is None else resample_cells(plane, *places[0], edges)
+    found = []
+    for c, place in enumerate(places):
+        one = plane[..., c : c + 1]
+        found.append(resample(one, *place) if edges is None else resample_cells(one, *place, edges.of(c)))
+    return np.concatenate(found, axis=2)
 
 
 def _places(flow: np.ndarray, n: int, around: int = 0) -> Places:
