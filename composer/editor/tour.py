@@ -39,10 +39,10 @@ def steps(robot: Robot, part: Path, out: Path) -> None:
     robot.menu("File", "Import…")
     robot.type(str(part))
     robot.key("Return")
-    robot.wait("The part", lambda: len(workspace.scene.bodies) > 0)
+    robot.wait("The part", lambda: len(workspace.scene.bodies) > 0 and len(workspace.selection) == 1)
     (body,) = workspace.selection
     robot.menu("Add", "Area lamp")
-    robot.wait("The lamp", lambda: len(workspace.scene.lights) == 1)
+    robot.wait("The lamp", lambda: len(workspace.scene.lights) == 1 and workspace.selection != (body,))
     (lamp,) = workspace.selection
 
     start = workspace.pose(lamp)
