@@ -259,7 +259,7 @@ def resample_cells(
 
     Where a straight line through a cell, with what lies two cells off on either side of it, gives the cell's mean and
     those of the cells beside it, it is that edge, and the mean over a square between cells is a sum of polygons: exact
-    for straight edges. The rest is left to `resample`, which misses up to an eighth of an edge's contrast where places
+    for straight edges. The rest is left to `resample`, which misses up to a fifth of an edge's contrast where places
     lie halfway between cells, and all places within a quarter of a cell: it averages what few samples give cells of
     noise. A place's neighbours lie a cell apart, but for a few per cent. ``known``: `edges` of the
     cells, which take longer than this.

@@ -1,5 +1,7 @@
 """Means over cells, moved by fractions of a cell, against integrals over what they are means of."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -22,10 +24,10 @@ def places(by: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     return column - np.float32(by[0]), row - np.float32(by[1])
 
 
-def drawn(f: "np.ufunc | object") -> np.ndarray:
+def drawn(f: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
     at = (np.arange((N + 2) * FINE) + 0.5) / FINE
     x, y = np.meshgrid(at, at)
-    return np.asarray(f(x, y), np.float64)  # type: ignore[operator]
+    return np.asarray(f(x, y), np.float64)
 
 
 def errors(image: np.ndarray, by: tuple[float, float]) -> tuple[float, float]:
