@@ -17,7 +17,6 @@ from unittest.mock import patch
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import interchange  # noqa: E402, F401  # sets BLAS up before NumPy comes
 import numpy as np  # noqa: E402
 
 from analysis.gap import views  # noqa: E402

@@ -12,8 +12,8 @@ CELLS = 4096  # equally likely parts of the normal distribution
 # the bounds of those parts; the first and the last reach to infinity and are drawn otherwise
 EDGES = ndtri(np.arange(CELLS + 1) / CELLS).astype(np.float32)
 TAIL = float(EDGES[-2])
-# t (1 - t) of a place t cells from one, up to which interpolation is left alone: edges there were further from two nulls'
-# captures (docs/blind_history.md), as if it averaged noise of the cells' few samples; why is not proven
+# t (1 - t) of a place t cells from one, up to which interpolation is left alone: edges there were further from the
+# captures of a null (docs/blind_history.md), as if it averaged noise of the cells' few samples; why is not proven
 NEAR = 0.19
 PURE = 0.01  # of an edge's contrast: a cell that is nearer to what is on one side has no part in it
 OFF = 0.1  # of an edge's contrast: where its line misses the cells beside it by half as much, it is not sharp for sure
