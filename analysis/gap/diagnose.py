@@ -187,10 +187,12 @@ def diagnose(
     )
     check = None
     if verify and findings:
-        carried = frozenset({f.name for f in findings} - set(left))
-        claim = claimed(fitted, held, v.by, taken, carried)
+        lacks = [f.name for f in findings if f.name in left]
+        claim = claimed(fitted, held, v.by, taken, frozenset({f.name for f in findings} - set(lacks)))
         errors = without(fitted, fitted.best.causes)
-        check = verified(scene_file, held, errors, v.by, claim, render, settings, cache, told, by.document)
+        check = verified(
+            scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, by.document
+        )
     told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)

@@ -19,6 +19,7 @@ from analysis.gap.report_words import (
     grounds,
     interval,
     kinds,
+    lacking,
     meaning,
     next_captures,
     number,
@@ -115,7 +116,8 @@ def _tiles(d: Diagnosis) -> str:
     if d.verification:
         v = d.verification
         mark = "✓ holds" if v.holds else "✗ does not hold"
-        tiles.append((mark, f"rendered anew from the corrected scene: χ {v.rendered:.2f}"))
+        lacks = f", which has no {lacking(v)}" if v.lacks else ""
+        tiles.append((mark, f"rendered anew from the corrected scene{lacks}: χ {v.rendered:.2f}"))
     return "".join(f'<div class="tile"><b>{value}</b><span>{words}</span></div>' for value, words in tiles)
 
 
@@ -233,12 +235,18 @@ def _verification(d: Diagnosis) -> str:
         return f"<p>{reason}</p>"
     mark = '<span class="mark yes">Yes.</span>' if v.holds else '<span class="mark no">No.</span>'
     words = "agrees within 10 %" if v.holds else "differs by more than 10 %"
+    lacks = (
+        f" That file has no {lacking(v)} (see the notes), so this is predicted without; with everything that was found "
+        f"χ is {d.gap.after:.3f}, which no rendering has tested."
+        if v.lacks
+        else ""
+    )
     return (
         f"<p>{mark} The simulator rendered the held-out captures anew from "
         f"<code>{html.escape(d.corrected_scene)}</code>: χ {v.rendered:.3f} where {v.claimed:.3f} was predicted, "
         f"which {words}. Calibration's errors within the "
         f"tolerances are taken out of both alike; with the file as it is, χ is {v.as_written:.3f} "
-        f"(the original file: {d.gap.as_written:.3f}).</p>"
+        f"(the original file: {d.gap.as_written:.3f}).{lacks}</p>"
     )
 
 

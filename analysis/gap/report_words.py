@@ -11,6 +11,7 @@ from analysis.gap.findings import SCREEN
 from analysis.gap.fit import Fit
 from analysis.gap.hot_pixels import HOT
 from analysis.gap.structure import STEPS
+from analysis.gap.verify import Verification
 from interchange.effects import MODELS
 from interchange.parameter import parameters
 
@@ -70,6 +71,11 @@ def what_is_left(d: Diagnosis) -> str:
             "numbers do not have, or a path tracer's, where captures are rendered."
         )
     return words
+
+
+def lacking(v: Verification) -> str:
+    """ "camera pose and texture", which the file that was rendered anew does not have."""
+    return " and ".join(plain(name) for name in v.lacks)
 
 
 def plain(name: str) -> str:

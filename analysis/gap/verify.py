@@ -25,12 +25,14 @@ WITHIN = 0.1
 
 @dataclass(frozen=True)
 class Verification:
-    """χ of the held-out captures: ``claimed`` by the diagnosis, ``rendered`` anew from the corrected file, and
-    ``as_written`` of that file without calibration's errors taken out."""
+    """χ of the held-out captures: ``claimed`` by the diagnosis for what the corrected file carries, ``rendered`` anew
+    from it, and ``as_written`` of that file without calibration's errors taken out. ``lacks``: effects that were found
+    and are not in the file."""
 
     claimed: float
     rendered: float
     as_written: float
+    lacks: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -53,14 +55,15 @@ def verified(
     registration: Model,
     by: Yardstick,
     claimed: float,
+    lacks: Sequence[str],
     render: Render,
     settings: dict[str, Any],
     cache: Path,
     told: Callable[[str, float], None] = lambda what, share: None,
     taken_as: Callable[[Document], Document] = lambda document: document,
 ) -> Verification:
-    """``scene``: the corrected file; ``registration``: calibration's errors alone; ``claimed``: χ that is predicted;
-    ``taken_as``: what the captures' cameras are taken for."""
+    """``scene``: the corrected file, which ``lacks`` effects; ``registration``: calibration's errors alone;
+    ``claimed``: χ that is predicted of what the file has; ``taken_as``: what the captures' cameras are taken for."""
     document = taken_as(open_scene(scene))
     found = []
     for condition in held_out:
@@ -82,4 +85,5 @@ def verified(
         claimed=claimed,
         rendered=by.chi2([registration.simulated(c) for c in corrected]) ** 0.5,
         as_written=by.chi2([c.simulated().dn for c in corrected]) ** 0.5,
+        lacks=tuple(lacks),
     )

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.gap.diagnosis import write
     from analysis.gap.renderers import renderer
     from analysis.gap.report import write_report
-    from analysis.gap.report_words import sentence
+    from analysis.gap.report_words import lacking, sentence
     from interchange.formats import captures as captures_file
     from interchange.formats.document import open_scene
 
@@ -112,7 +112,8 @@ def run(args: argparse.Namespace) -> int:
     if d.verification:
         v = d.verification
         word = "holds" if v.holds else "DOES NOT HOLD"
-        print(f"  corrected scene rendered anew: chi {v.rendered:.3f}; the claim {word} within 10 %")
+        lacks = f" (the file has no {lacking(v)})" if v.lacks else ""
+        print(f"  corrected scene rendered anew{lacks}: chi {v.rendered:.3f}; the claim {word} within 10 %")
     print(f"{args.out / 'report.html'} written.")
     return 0
 

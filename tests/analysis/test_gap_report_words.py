@@ -9,8 +9,10 @@ import pytest
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
 from analysis.gap.findings import _targets
+from analysis.gap.report import _verification
 from analysis.gap.report_words import evidence, grounds, interval, kinds, sentence, what_is_left, why, why_not
 from analysis.gap.structure import Structure
+from analysis.gap.verify import Verification
 from interchange.effects import MODELS
 
 
@@ -171,3 +173,15 @@ def test_what_an_effect_is_of_is_told_whole() -> None:
     assert of("camera_pose", "/World/Camera0 at (30, -390, 480) mm") == ("Camera0 at (30, -390, 480) mm",)
     assert of("texture", "/World/Materials/cloth, in places") == ("cloth",)
     assert of("texture", "/World/Materials/cloth, as other views show it") == ("cloth",)
+
+
+def test_a_check_of_a_file_that_lacks_an_effect_says_so() -> None:
+    """What was rendered anew is compared with what was predicted without it, so "holds" says nothing of that effect."""
+    gap = SimpleNamespace(after=1.08, as_written=1.2)
+    said: Any = SimpleNamespace(gap=gap, corrected_scene="s.usda", effects=(1,))
+    said.verification = Verification(claimed=1.16, rendered=1.16, as_written=1.17, lacks=("camera_pose",))
+    words = _verification(said)
+    assert "has no camera pose" in words
+    assert "1.080, which no rendering has tested" in words
+    said.verification = Verification(claimed=1.08, rendered=1.08, as_written=1.1)
+    assert "has no" not in _verification(said)
