@@ -11,13 +11,14 @@ EMVA Standard 1288, release 4.0: a pixel of a camera that bins is what it reads 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from math import ceil, sqrt
 
 import numpy as np
 
 from analysis.gap.expected import SATURATED
 from analysis.gap.filters import BehindFilters, sites
+from analysis.gap.interpolated import mosaic_of
 from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.reach import cropped
 from interchange.camera import Camera, Sensor
@@ -51,11 +52,13 @@ OF_EFFECT: dict[str, dict[str, float]] = {
 @dataclass(frozen=True)
 class Binning:
     """``n`` x ``n`` pixels as one; ``colours``: of a mosaic, of whose pixels each channel has a quarter. ``cameras``:
-    by name, those that captures are of."""
+    by name, those that captures are of. ``undeclared``: by name, those whose captures were interpolated from a mosaic
+    of which the scene file does not say (analysis.gap.interpolated)."""
 
     n: int = 1
     colours: bool = False
     cameras: frozenset[str] = frozenset()
+    undeclared: Mapping[str, tuple[Mosaic, Demosaic]] = field(default_factory=dict)
 
     @property
     def averaged(self) -> int:
@@ -84,6 +87,10 @@ class Binning:
             own["read_noise"] = sqrt(own["read_noise"] ** 2 + more)
         return own
 
+    def on_scene(self, scene: Scene) -> Scene:
+        """The scene with the mosaics that its file does not say, where pixels are taken to lie behind them."""
+        return scene if not self.colours else _behind_mosaics(scene, self.undeclared)
+
     def document(self, document: Document) -> Document:
         """A scene file whose ``cameras`` bin; the stage is the file's own."""
         return document if self.n == 1 else BinnedDocument(document, self)
@@ -97,7 +104,8 @@ class BinnedDocument(Document):
         self.own, self.by = document, by
 
     def scene(self, time: float | None = None) -> Scene:
-        scene, by = self.own.scene(time), self.by
+        by = self.by
+        scene = by.on_scene(self.own.scene(time))
         cameras = tuple(binned_camera(c, by.n) if c.name in by.cameras else c for c in scene.cameras)
         return replace(scene, cameras=cameras)
 
@@ -106,7 +114,7 @@ def times_binned(captures: Captures, document: Document) -> int:
     """The least n by which no capture has more than ``LARGEST`` means, an even one of colour mosaics; 1 where a
     camera's pixels cannot be binned."""
     most = max(c.pixels.shape[0] * c.pixels.shape[1] for c in captures.captures)
-    cameras = _cameras(captures, document)
+    cameras = _cameras(captures, document, undeclared_mosaics(captures, document))
     if any(_why_not(captures, c) for c in cameras):
         return 1
     n = max(ceil(sqrt(most / LARGEST)), 1)
@@ -114,8 +122,10 @@ def times_binned(captures: Captures, document: Document) -> int:
 
 
 def binning_of(captures: Captures, document: Document, n: int) -> Binning:
-    """Raises BrightfieldError where ``n`` x ``n`` pixels of the captures' cameras cannot be one."""
-    cameras = _cameras(captures, document)
+    """Raises BrightfieldError where ``n`` x ``n`` pixels of the captures' cameras cannot be one. By ``n`` 1 each pixel
+    is taken as the scene file says, whatever was interpolated."""
+    undeclared = undeclared_mosaics(captures, document)
+    cameras = _cameras(captures, document, undeclared if n > 1 else {})
     against = {c.name: why for c in cameras if (why := _why_not(captures, c))}
     if against and n > 1:
         name, why = next(iter(against.items()))
@@ -123,7 +133,7 @@ def binning_of(captures: Captures, document: Document, n: int) -> Binning:
     colours = sorted(c.name for c in cameras if c.sensor.mosaic.is_bayer and c.name not in against)
     names = frozenset(c.name for c in cameras)
     if not colours:
-        return Binning(n, cameras=names)
+        return Binning(n, cameras=names, undeclared=undeclared)
     if len(colours) < len(cameras):
         raise BrightfieldError(
             f"Captures of colour mosaics ({', '.join(colours)}) and of other sensors must be diagnosed apart, in a "
@@ -131,12 +141,38 @@ def binning_of(captures: Captures, document: Document, n: int) -> Binning:
         )
     if n % 2:
         raise BrightfieldError(f"--bin must be even where pixels lie behind a mosaic of colours; got {n}.")
-    return Binning(n, True, names)
+    return Binning(n, True, names, undeclared)
 
 
-def _cameras(captures: Captures, document: Document) -> list[Camera]:
+def undeclared_mosaics(captures: Captures, document: Document) -> dict[str, tuple[Mosaic, Demosaic]]:
+    """By name the cameras whose captures were interpolated from a mosaic of which the scene file does not say; none
+    where other cameras' were not, as both cannot be taken together."""
+    cameras = _cameras(captures, document, {})
+    found = {
+        c.name: behind
+        for c in cameras
+        if (behind := mosaic_of([x for x in captures.captures if x.camera == c.name], c))
+    }
+    others = [c for c in cameras if c.name not in found and not c.sensor.mosaic.is_bayer]
+    return {} if others else found
+
+
+def _cameras(
+    captures: Captures, document: Document, undeclared: Mapping[str, tuple[Mosaic, Demosaic]]
+) -> list[Camera]:
     used = {c.camera for c in captures.captures}
-    return [c for c in document.scene().cameras if c.name in used]
+    scene = _behind_mosaics(document.scene(), undeclared)
+    return [c for c in scene.cameras if c.name in used]
+
+
+def _behind_mosaics(scene: Scene, undeclared: Mapping[str, tuple[Mosaic, Demosaic]]) -> Scene:
+    def there(camera: Camera) -> Camera:
+        if camera.name not in undeclared or camera.sensor.mosaic is not Mosaic.NONE:
+            return camera
+        mosaic, demosaic = undeclared[camera.name]
+        return replace(camera, sensor=replace(camera.sensor, mosaic=mosaic, demosaic=demosaic))
+
+    return replace(scene, cameras=tuple(map(there, scene.cameras)))
 
 
 def _why_not(captures: Captures, camera: Camera) -> str:
@@ -187,7 +223,7 @@ def binned_captures(captures: Captures, document: Document, by: Binning) -> Capt
 
     ``by``: as ``binning_of`` says."""
     tolerances = captures.tolerances
-    own = {c.name: c for c in _cameras(captures, document)}
+    own = {c.name: c for c in _cameras(captures, document, by.undeclared if by.colours else {})}
     top = {name: 2 ** binned_camera(c, by.n).sensor.bits_out - 1 for name, c in own.items()}
     return replace(
         captures,

@@ -46,7 +46,8 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.notes import notes
 from analysis.gap.overlap import must_overlap, with_files_bits
-from analysis.gap.own_pixels import edges_of_own_pixels, note, of_own_pixels
+from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
+from analysis.gap.own_pixels import notes as notes_on_pixels
 from analysis.gap.parallel import each, one_thread
 from analysis.gap.radiance import Render, render_all
 from analysis.gap.rehearsing import rehearse
@@ -200,7 +201,7 @@ def diagnose(
     if by.n > 1:
         findings = [of_own_pixels(f, by) for f in findings]
         edges = edges and edges_of_own_pixels(edges, by)
-        told_of.append(note(of_all_pixels, by))
+    told_of += notes_on_pixels(of_all_pixels, by)
     diagnosis = Diagnosis(
         effects=tuple(findings),
         unknown=unknown,

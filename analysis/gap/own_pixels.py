@@ -6,9 +6,31 @@ from analysis.gap.binned import Binning
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.edges import EdgeOffsets
 from interchange.captures import Captures
+from interchange.effects.parts import called
 
 
-def note(captures: Captures, by: Binning) -> str:
+def notes(captures: Captures, by: Binning) -> list[str]:
+    """Of captures that were binned, and of those that could have been."""
+    if not by.undeclared:
+        return [_note(captures, by)] if by.n > 1 else []
+    names = " and ".join(called(name) for name in by.undeclared)
+    (mosaic, demosaic), *_ = by.undeclared.values()
+    said = (
+        f"The captures of {names} were interpolated from a mosaic of colours ({mosaic}), and the scene file says that "
+        f"every pixel measures all three"
+    )
+    if by.colours:
+        way = demosaic.replace("_", " ")
+        said += (
+            f": they are taken as they are, and the corrected scene says so ({way} is the nearest to them)."
+        )
+        return [said, _note(captures, by)]
+    return [
+        f"{said}: two of three numbers have less noise than the sensor. --bin 2 takes what its pixels measured alone."
+    ]
+
+
+def _note(captures: Captures, by: Binning) -> str:
     h, w = captures.captures[0].pixels.shape[:2]
     n = by.n
     behind = " behind a mosaic of colours, each channel by the pixels of its own filter" if by.colours else ""

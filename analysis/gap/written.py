@@ -1,7 +1,6 @@
 """What was found, written into the scene file, and what of it no scene file carries."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
@@ -46,7 +45,9 @@ def written(
         *_changes(conditions, fitted, {f.name for f in findings}, binning),
         *(change for n in noise if n.name in WRITTEN for change in _noise_changes(n, binning)),
     ]
-    left = write_corrected(document, captures, changes, path, partial(on_scene, screens=screens))
+    left = write_corrected(
+        document, captures, changes, path, lambda scene: on_scene(binning.on_scene(scene), screens)
+    )
     if mapped:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}

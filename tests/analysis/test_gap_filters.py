@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.gap.binned import Binning, binned_camera, binning_of, times_binned
-from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.diagnosis import Diagnosis, Estimate, Finding
 from analysis.gap.expected import expected
 from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
-from analysis.gap.own_pixels import of_own_pixels
+from analysis.gap.own_pixels import notes, of_own_pixels
 from analysis.gap.raw import raw, tells_its_pixels
 from interchange.camera import Camera, Lens
 from interchange.captures import Capture, Captures
@@ -153,17 +153,28 @@ def colours(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
     )
 
 
-def test_a_colour_camera_s_channels_are_told_apart(colours: Rig) -> None:
-    """Demosaiced captures with repeats: their noise is the sensor's, where interpolated values would have less; what
-    its filters do is no aberration, and channels are off by what they are off by."""
-    gains = WhiteBalance(red=1.06, blue=0.95)
-    captures = colours.captured("balance", (gains,))
-    assert captures.captures[0].pixels.shape[2] == 3
+GAINS = WhiteBalance(red=1.06, blue=0.95)
+
+
+@pytest.fixture(scope="module")
+def captures(colours: Rig) -> Captures:
+    return colours.captured("balance", (GAINS,))
+
+
+@pytest.fixture(scope="module")
+def declared(colours: Rig, captures: Captures) -> Diagnosis:
     n = times_binned(captures, colours.document)
     assert n == 2
-    d = colours.diagnosed(captures, "balance", binning=n, reflected=False).diagnosis
+    return colours.diagnosed(captures, "balance", binning=n, reflected=False).diagnosis
+
+
+def test_a_colour_camera_s_channels_are_told_apart(captures: Captures, declared: Diagnosis) -> None:
+    """Demosaiced captures with repeats: their noise is the sensor's, where interpolated values would have less; what
+    its filters do is no aberration, and channels are off by what they are off by."""
+    assert captures.captures[0].pixels.shape[2] == 3
+    d = declared
     assert {e.name for e in d.effects} == {"white_balance"}
-    for name, true in (("red", gains.red), ("blue", gains.blue)):
+    for name, true in (("red", GAINS.red), ("blue", GAINS.blue)):
         found = d.effects[0].parameters[name]
         assert abs(found.value - true) < 4 * found.sigma < 0.05
     assert d.gap.after < 1.1
@@ -171,6 +182,24 @@ def test_a_colour_camera_s_channels_are_told_apart(colours: Rig) -> None:
     assert not any("Not tried" in note and "sensor noise" in note for note in d.notes)
     assert d.verification is not None
     assert d.verification.holds
+
+
+def test_a_mosaic_that_the_scene_file_does_not_say_is_taken_as_one(
+    colours: Rig, captures: Captures, declared: Diagnosis, tmp_path: Path
+) -> None:
+    """The same is told as where the file says it, and the corrected scene has it."""
+    file = tmp_path / "scene.usda"
+    file.write_text((colours.folder / "scene.usda").read_text().replace('token sensor:mosaic = "RGGB"', ""))
+    silent = replace(colours, document=open_scene(file))
+    assert times_binned(captures, silent.document) == 2
+    d = silent.diagnosed(captures, "undeclared", binning=2, reflected=False).diagnosis
+    assert [(e.name, e.parameters) for e in d.effects] == [(e.name, e.parameters) for e in declared.effects]
+    assert d.gap == declared.gap
+    assert any("interpolated from a mosaic of colours (RGGB)" in note for note in d.notes)
+    assert d.verification == declared.verification
+    sensor = open_scene(colours.folder / "undeclared" / d.corrected_scene).scene().cameras[0].sensor
+    assert (sensor.mosaic, sensor.demosaic) == (Mosaic.RGGB, Demosaic.BILINEAR)
+    assert any("--bin 2 takes" in note for note in notes(captures, binning_of(captures, silent.document, 1)))
 
 
 def test_what_cannot_be_is_told(colours: Rig, tmp_path: Path) -> None:
