@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.gap.expected import SATURATED
 from analysis.gap.filters import BehindFilters, sites
-from analysis.gap.interpolated import mosaic_of
+from analysis.gap.mosaics import mosaic_of
 from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.reach import cropped
 from interchange.camera import Camera, Sensor
@@ -53,7 +53,7 @@ OF_EFFECT: dict[str, dict[str, float]] = {
 class Binning:
     """``n`` x ``n`` pixels as one; ``colours``: of a mosaic, of whose pixels each channel has a quarter. ``cameras``:
     by name, those that captures are of. ``undeclared``: by name, those whose captures were interpolated from a mosaic
-    of which the scene file does not say (analysis.gap.interpolated)."""
+    of which the scene file does not say (analysis.gap.mosaics)."""
 
     n: int = 1
     colours: bool = False

@@ -41,6 +41,7 @@ from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
+from analysis.gap.mosaics import must_say_its_mosaic
 from analysis.gap.noise import WEIGHING, noise_findings, with_black_level, with_noise
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
@@ -103,6 +104,7 @@ def diagnose(
     began = time.monotonic()
     as_written, of_all_pixels = document, captures
     must_fit(captures, document)
+    must_say_its_mosaic(captures, document.scene())
     by = binning_of(captures, document, binning)
     if by.n > 1:
         captures, document = binned_captures(captures, document, by), by.document(document)

@@ -1,11 +1,15 @@
-"""Whether captures were interpolated from a mosaic of colours where the scene says that every pixel measures all of
-them: most colour cameras have one. Two of a pixel's three numbers are made of the neighbours' then and have less noise
-than what it measured, which would be taken for a sensor with less noise.
+"""Whether captures are of a mosaic of colours where the scene says that every pixel measures all of them: most colour
+cameras have one.
 
-What was interpolated follows from what was measured nearby: by least squares, with weights of its own for each place of
-the 2 x 2 pixels. Only where the pattern is the right one; by any other, and in captures where every pixel measured all,
-noise is left. Linear ways of interpolating leave rounding alone, those that choose by edges or that a curve follows
-still less than half. A JPEG hides it.
+Interpolated, two of a pixel's three numbers are made of the neighbours' and have less noise than what it measured,
+which would be taken for a sensor with less noise. What was interpolated follows from what was measured nearby: by least
+squares, with weights of its own for each place of the 2 x 2 pixels. Only where the pattern is the right one; by any
+other, and in captures where every pixel measured all, noise is left. Linear ways of interpolating leave rounding alone,
+those that choose by edges or that a curve follows still less than half. A JPEG hides it.
+
+Raw, neighbours differ in colour: a pixel and the mean of the four around it, which leaves neither even light nor a
+gradient, differ in the same way all over a surface, the two greens of 2 x 2 pixels alike. Which of the other two is red
+the captures alone do not say, so it is asked for.
 
 Popescu, Farid: Exposing digital forgeries in color filter array interpolated images. IEEE Transactions on Signal
 Processing 53(10), 2005.
@@ -13,15 +17,21 @@ Processing 53(10), 2005.
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 
 from interchange.camera import Camera
-from interchange.captures import Capture
+from interchange.captures import Capture, Captures
 from interchange.effects.demosaic import Demosaic as Interpolation
 from interchange.effects.mosaic import phases
 from interchange.image import Image
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 from interchange.sensor import Demosaic, Mosaic
 
+TILE, TILES = 16, 12  # px along a side, within which raw neighbours differ alike; that many at least
+COLOURED = 0.01  # of the signal, that raw neighbours of different colours differ by at least, rms over tiles
+ALIKE = 0.4  # of that, that both greens differ by at most
 AROUND = 2  # px that interpolation looks at on each side
 LOOKED_AT = 6000  # pixels of each place of the pattern, of a capture
 LEAST = 500  # the same, at least: 26 weights are fitted to them
@@ -29,6 +39,8 @@ SHARP = 0.2  # of the pixels, those that follow least: edges, which some ways of
 # times as much is left by any other pattern. Without a mosaic all leave within 2 % the same (10,000 pixels); with one
 # 1.4 (8 bits, variable number of gradients), 2.5 (8 bits, sRGB's curve) to 70 times
 CLEAR = 1.25
+
+CROSS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32) / 4
 
 
 def mosaic_of(captures: Sequence[Capture], camera: Camera) -> tuple[Mosaic, Demosaic] | None:
@@ -45,6 +57,42 @@ def mosaic_of(captures: Sequence[Capture], camera: Camera) -> tuple[Mosaic, Demo
         return None
     ways = (Demosaic.BILINEAR, Demosaic.EDGE_AWARE)
     return pattern, min(ways, key=lambda way: _missed(pixels, camera, pattern, way))
+
+
+def must_say_its_mosaic(captures: Captures, scene: Scene) -> None:
+    """Raise BrightfieldError for a camera without a mosaic in the scene whose captures are raw, of one."""
+    silent = {c.name for c in scene.cameras if c.sensor.mosaic is Mosaic.NONE}
+    for name in dict.fromkeys(c.camera for c in captures.captures if c.camera in silent):
+        own = [c for c in captures.captures if c.camera == name and c.pixels.shape[2] == 1]
+        if own and (maybe := _raw_of(max(own, key=lambda c: float(c.pixels.mean())).pixels[..., 0])):
+            raise BrightfieldError(
+                f"The captures of {name} have one channel, and neighbouring pixels differ by colour as those of a raw "
+                f"mosaic do: say which it is in the scene file, sensor:mosaic = {' or '.join(maybe)}. "
+                f"({own[0].where.file})"
+            )
+
+
+def _raw_of(pixels: np.ndarray) -> tuple[Mosaic, ...]:
+    """The mosaics that (H, W) may be raw values of: two with the same greens, all four where red and blue differ as
+    little, or none."""
+    h, w = (n // TILE * TILE for n in pixels.shape)
+    plane = np.ascontiguousarray(pixels, np.float32)
+    beside = (plane - cv2.filter2D(plane, -1, CROSS, borderType=cv2.BORDER_REFLECT_101))[:h, :w]
+    tiles = beside.reshape(h // TILE, TILE // 2, 2, w // TILE, TILE // 2, 2).transpose(2, 5, 0, 3, 1, 4)
+    off = np.median(tiles.reshape(2, 2, -1, (TILE // 2) ** 2), axis=3)  # of each place of 2 x 2, in each tile
+    if off.shape[2] < TILES:
+        return ()
+
+    signal = float(pixels.mean())
+    found: list[Mosaic] = []
+    for a, b, maybe in (
+        (off[0, 0], off[1, 1], (Mosaic.GRBG, Mosaic.GBRG)),
+        (off[0, 1], off[1, 0], (Mosaic.RGGB, Mosaic.BGGR)),
+    ):
+        shared = float(np.sqrt(max(np.mean(a * b), 0.0)))
+        if shared > COLOURED * signal and float(np.sqrt(np.mean((a - b) ** 2))) < ALIKE * shared:
+            found += maybe
+    return tuple(found)
 
 
 def _measured(pixels: np.ndarray, pattern: Mosaic) -> np.ndarray:

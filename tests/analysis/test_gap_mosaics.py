@@ -1,22 +1,28 @@
 """Captures of a colour camera whose scene file says of no mosaic are taken for what they are."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from analysis.gap.interpolated import mosaic_of
+from analysis.gap.mosaics import mosaic_of, must_say_its_mosaic
 from interchange.camera import Camera, Lens, Sensor
-from interchange.captures import Capture
+from interchange.captures import Capture, Captures
 from interchange.effects.demosaic import Demosaic as Interpolation
 from interchange.effects.mosaic import phases
 from interchange.image import Image
+from interchange.problems import BrightfieldError
+from interchange.scene import Scene
 from interchange.sensor import Demosaic, Mosaic
 
 W, H = 128, 96
 SENSOR = Sensor((W, H), (5e-6, 5e-6), 80.0, 9000.0, 12, 64.0, 8.0)
 CAMERA = Camera("/World/Camera", lens=Lens(12e-3), sensor=SENSOR, t_exp=0.02)
+SAID = replace(SENSOR, mosaic=Mosaic.RGGB)
+ROOT = Path(__file__).parents[2]
 PATTERNS = [m for m in Mosaic if m.is_bayer]
 
 
@@ -103,3 +109,31 @@ def test_what_every_pixel_measured_is_left_alone() -> None:
     assert mosaic_of([_taken(made), _taken(_raw(Mosaic.RGGB, dn))], CAMERA) is None
     mosaics = Camera("/World/Camera", sensor=Sensor((W, H), (5e-6, 5e-6), mosaic=Mosaic.RGGB))
     assert mosaic_of([_taken(made)], mosaics) is None
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_raw_captures_ask_for_their_mosaic(pattern: Mosaic) -> None:
+    """Red and blue may be the other way round; even light and grey paint would show no more than noise."""
+    scene = Scene(cameras=(CAMERA,))
+    given = Captures(Path("captures.json"), Path("scene.usda"), (_taken(_raw(pattern, _seen())),))
+    with pytest.raises(BrightfieldError, match=f"sensor:mosaic = .*{pattern.value}"):
+        must_say_its_mosaic(given, scene)
+    must_say_its_mosaic(given, replace(scene, cameras=(replace(CAMERA, sensor=SAID),)))
+
+
+@pytest.mark.parametrize("columns", [1.0, 1.02])
+def test_what_a_sensor_without_colours_takes_asks_for_none(columns: float) -> None:
+    """Edges, gradients and noise; columns that differ by their gains."""
+    grey = _seen().mean(axis=2, keepdims=True) * np.where(np.arange(W) % 2, columns, 1.0)[:, None]
+    must_say_its_mosaic(
+        Captures(Path("captures.json"), Path("scene.usda"), (_taken(grey),)), Scene(cameras=(CAMERA,))
+    )
+
+
+def test_a_camera_whose_mosaic_is_known_asks_for_it() -> None:
+    """The Flea3 of assets/flea3: its pixels under one wavelength. Its pattern is GBRG, whose greens are GRBG's too."""
+    file = next((ROOT / "assets/flea3").glob("colorChecker_550nm*.png"))
+    pixels = np.asarray(cv2.imread(str(file), cv2.IMREAD_UNCHANGED))[..., None]
+    given = Captures(Path("captures.json"), Path("scene.usda"), (_taken(pixels),))
+    with pytest.raises(BrightfieldError, match="GRBG or GBRG"):
+        must_say_its_mosaic(given, Scene(cameras=(CAMERA,)))
