@@ -1,4 +1,5 @@
-"""The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared.
+"""The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared, by
+a mosaic of colours, interpolated or raw, and as a camera makes pictures, by all of that and a JPEG.
 
 python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
@@ -15,6 +16,8 @@ import numpy as np
 
 BLACK, HIGHEST = 64, 4095  # DN of the sample's sensor
 FEW = (0, 2, 4, 6)
+SATURATING = np.array([[1.5, -0.4, -0.1], [-0.25, 1.45, -0.2], [-0.05, -0.5, 1.55]])  # of red, green, blue
+QUALITY = 95
 
 
 def eight(dn: np.ndarray) -> np.ndarray:
@@ -33,7 +36,29 @@ def srgb(dn: np.ndarray) -> np.ndarray:
     return np.rint(255 * y).astype(np.uint8)
 
 
-FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"eight": eight, "grey": grey, "srgb": srgb}
+def raw(dn: np.ndarray) -> np.ndarray:
+    """What pixels behind an RGGB mosaic measure, of 12 bits. OpenCV's order of channels is blue, green, red."""
+    out = dn[..., 1].copy()
+    out[::2, ::2], out[1::2, 1::2] = dn[::2, ::2, 2], dn[1::2, 1::2, 0]
+    return out
+
+
+def interpolated(dn: np.ndarray) -> np.ndarray:
+    """The same, bilinear."""
+    return np.asarray(cv2.demosaicing(raw(dn), cv2.COLOR_BayerRGGB2BGR))
+
+
+def picture(dn: np.ndarray) -> np.ndarray:
+    """Interpolated, colours further apart (rows of the matrix have the sum 1), sRGB's curve, and what a JPEG leaves."""
+    linear = (interpolated(dn).astype(float) - BLACK) @ SATURATING[::-1, ::-1].T + BLACK
+    shown = srgb(np.clip(linear, 0, HIGHEST))
+    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", shown, quality)[1], cv2.IMREAD_COLOR))
+
+
+FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "picture": picture,
+}  # fmt: skip
 
 
 def main() -> None:
