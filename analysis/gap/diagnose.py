@@ -23,22 +23,27 @@ from analysis.gap.caution import KNOWN
 from analysis.gap.code_findings import with_steps, without_flat_tops
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.detectable import detectable
-from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges
+from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges, Estimate
 from analysis.gap.edges import offsets
-from analysis.gap.encoded import Screen, as_encoded, encoded
+from analysis.gap.encoded import GROUNDS, as_encoded, encoded, on_scene
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
+    CROSSTALK,
     CURVE,
+    SCREEN,
+    Known,
     beside_unknown,
     effects_found,
     noise_effect,
     what_is_unknown,
-    with_curve,
+    with_known,
 )
 from analysis.gap.fit import Fit, fit
 from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
+from analysis.gap.matrices import GROUNDS as MIXED
+from analysis.gap.matrices import as_mixed, matrices, numbers, unmixed, with_matrices
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.mosaics import must_say_its_mosaic
@@ -62,6 +67,7 @@ from analysis.gap.verify import verified
 from analysis.gap.written import written
 from interchange.captures import Captures
 from interchange.formats.document import Document
+from interchange.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +121,12 @@ def diagnose(
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
     screens = encoded(whole)
+    mixed = matrices([c for c in whole if c.camera.name not in {s.camera for s in screens}])
+    if mixed:
+        pure = unmixed(of_all_pixels, as_written, mixed)
+        captures = binned_captures(pure, as_written, by) if by.n > 1 else pure
+        found = with_steps(with_files_bits(conditions(captures, document)))
+        whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     whole, as_said = as_encoded(whole, screens), {c.name: c.camera for c in whole}
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
     knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
@@ -155,14 +167,22 @@ def diagnose(
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
     taken = attribution(fitted, held, v.by, v.shown.before, v.after, v.maps, told)
-    known: dict[str, float] = {}
+    known: list[Known] = []
     if screens:  # the file says nothing of them, so they are its to close
         v = against(v, [replace(c, camera=as_said[c.name]).simulated().dn for c in held])
-        known[CURVE] = v.gap.before**2 - shrunk.before**2
-        shrunk = v.gap
+        curve = {SCREEN: Estimate(1.0, 0.0, "1")}
+        closed = v.gap.before**2 - shrunk.before**2
+        known.append(Known(CURVE, curve, GROUNDS, closed, _alone([s.camera for s in screens], whole)))
+    if mixed:
+        least = v.gap.before**2
+        v = against(v, [as_mixed(c, dn, mixed) for c, dn in zip(held, v.shown.before, strict=True)])
+        closed = v.gap.before**2 - least
+        only = _alone([m.camera for m in mixed], whole)
+        known.append(Known(CROSSTALK, numbers(mixed), MIXED, closed, only))
+    shrunk = v.gap
     findings = effects_found(fitted, taken, shrunk)
-    if screens:
-        findings = with_curve(findings, known[CURVE], shrunk, _alone(screens, whole))
+    for k in known:
+        findings = with_known(findings, k, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]
     left_at = (
@@ -185,8 +205,12 @@ def diagnose(
     where = _ledger(all_of_them, fitted, v.corrected)
     scene_file = out / f"{captures.scene.stem}_corrected.usda"
     mapped = v.maps is not None
+
+    def before_the_fit(scene: Scene) -> Scene:
+        return with_matrices(on_scene(by.on_scene(scene), screens), mixed)
+
     left = written(
-        as_written, captures, all_of_them, fitted, findings, noise, mapped, screens, scene_file, by
+        as_written, captures, all_of_them, fitted, findings, noise, mapped, before_the_fit, scene_file, by
     )
     check = None
     if verify and findings:
@@ -196,7 +220,7 @@ def diagnose(
         check = verified(
             scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, by.document
         )
-    told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens)
+    told_of = notes(all_of_them, fitted, where, judged, forged, left, lines, screens, mixed)
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
     edges = _edges(held, v.by, v.shown)
@@ -212,7 +236,7 @@ def diagnose(
         corrected_scene=scene_file.name,
         seconds=time.monotonic() - began,
         notes=tuple(told_of),
-        waterfall=waterfall(shrunk, taken, known),
+        waterfall=waterfall(shrunk, taken, {k.name: k.taken_off for k in known}),
         edges=edges,
         metric=measured(*metric, held, v.shown.as_written, v.shown.before, v.shown.after) if metric else None,
         verification=check,
@@ -224,10 +248,9 @@ def diagnose(
     return Diagnosed(diagnosis, tuple(all_of_them), fitted, v.shown)
 
 
-def _alone(screens: Sequence[Screen], found: Sequence[Condition]) -> list[str]:
-    """The cameras whose captures are encoded, where others' are not."""
-    own = [s.camera for s in screens]
-    return own if {c.camera.name for c in found} - set(own) else []
+def _alone(own: Sequence[str], found: Sequence[Condition]) -> tuple[str, ...]:
+    """The cameras that have something, where others have not."""
+    return tuple(own) if {c.camera.name for c in found} - set(own) else ()
 
 
 def is_noise_of(weighed: Fit, before: Fit) -> bool:

@@ -63,6 +63,7 @@ class Finding:
     share: float
     cameras: tuple[str, ...] = ()  # those that alone have it; none where all have
     targets: tuple[str, ...] = ()  # lamps, materials or objects that it is about, where it is about some
+    grounds: str = ""  # of what was known before anything was fitted
 
     @property
     def called(self) -> str:

@@ -16,12 +16,16 @@ from analysis.gap.conditions import Condition
 from interchange.camera import Camera
 from interchange.effects.response_curve import ResponseCurve
 from interchange.scene import Scene
-from interchange.sensor import Response
+from interchange.sensor import Response, Sensor
 
 BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
 GAINS = np.geomspace(0.5, 2.0, 141)
 BENT = 0.01  # of the captures' range, rms, that a line leaves at least
 BETTER = 10.0  # times as much (squared) that it leaves as sRGB's curve does
+GROUNDS = (
+    "Over all pixels of a camera the captured DN follow sRGB's curve of the simulated ones, and no line: it was taken "
+    "so before anything was fitted."
+)
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,14 @@ def encoded(found: Sequence[Condition]) -> list[Screen]:
     """The cameras of which that is so."""
     cameras: dict[str, list[Condition]] = {}
     for c in found:
-        s = c.camera.sensor
-        if s.response is Response.LINEAR and s.gamma == 1 and not (s.bow or s.skew):
+        if is_linear(c.camera.sensor):
             cameras.setdefault(c.camera.name, []).append(c)
     return [Screen(name, off) for name, own in cameras.items() if (off := _black_off(own)) is not None]
+
+
+def is_linear(sensor: Sensor) -> bool:
+    """Whether a scene says that DN are linear, of however few bits."""
+    return sensor.response is Response.LINEAR and sensor.gamma == 1 and not (sensor.bow or sensor.skew)
 
 
 def as_encoded(found: Sequence[Condition], screens: Sequence[Screen]) -> list[Condition]:

@@ -1,7 +1,7 @@
 """What a fit says in words and numbers: the effects found with their parameters and rivals, and what has no name."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from analysis.gap.uncertainty import uncertainty, uncertainty_of_sum
 from interchange.effects.parts import called
 from interchange.sensor import Sensor
 
-CURVE, SURE = "response_curve", 0.999
+CURVE, CROSSTALK, SURE = "response_curve", "color_crosstalk", 0.999
 SCREEN = "sRGB"  # of a response curve: that of screens, which has no number
 EVERY = {  # what an effect is about whose target is none, where one of them could have it
     "light_position": "all lamps",
@@ -122,21 +122,31 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
     return tuple(sorted(chances.items(), key=lambda x: -x[1])[:3])
 
 
-def with_curve(
-    findings: Sequence[Finding], taken_off: float, shrunk: Gap, cameras: Sequence[str]
-) -> list[Finding]:
-    """With the response curve that captures of ``cameras`` are encoded by, which was known before anything was fitted:
-    it has taken ``taken_off`` off the mean χ², beside what one that was found takes off. χ without it is that of the
-    file as written: beside it all else would be fitted to what it leaves, which is not looked at."""
-    share = taken_off / shrunk.before**2
-    screen = {SCREEN: Estimate(1.0, 0.0, "1")}
+@dataclass(frozen=True)
+class Known:
+    """An effect that was known before anything was fitted, by these ``grounds``: it has taken ``taken_off`` off the
+    mean χ². ``cameras``: those that alone have it."""
+
+    name: str
+    parameters: dict[str, Estimate]
+    grounds: str
+    taken_off: float
+    cameras: tuple[str, ...]
+
+
+def with_known(findings: Sequence[Finding], known: Known, shrunk: Gap) -> list[Finding]:
+    """With what was known, beside what one of that name that was found takes off. χ without it is that of the file as
+    written: beside it all else would be fitted to what it leaves, which is not looked at."""
+    share = known.taken_off / shrunk.before**2
+    cameras = tuple(map(called, known.cameras))
     own = Finding(
-        CURVE, SURE, screen, (), None, shrunk.before, shrunk.after, share, tuple(map(called, cameras))
-    )
+        known.name, SURE, known.parameters, (), None, shrunk.before, shrunk.after, share, cameras,
+        grounds=known.grounds,
+    )  # fmt: skip
     for f in findings:
-        if f.name == CURVE:
-            own = replace(own, parameters=screen | f.parameters, share=share + f.share)
-    return [own, *(f for f in findings if f.name != CURVE)]
+        if f.name == known.name:
+            own = replace(own, parameters=f.parameters | known.parameters, share=share + f.share)
+    return [own, *(f for f in findings if f.name != known.name)]
 
 
 def noise_effect(noise: NoiseFinding, taken: Attribution, shrunk: Gap) -> Finding:

@@ -12,6 +12,7 @@ from analysis.gap.encoded import Screen
 from analysis.gap.findings import cautious
 from analysis.gap.fit import Fit
 from analysis.gap.ledger import Ledger
+from analysis.gap.matrices import Matrix
 from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.overlap import notes_on_files, shifts
 from analysis.gap.scales import UNDECLARED
@@ -29,14 +30,16 @@ def notes(
     left: dict[str, str],
     lines: Sequence[object],
     screens: Sequence[Screen],
+    mixed: Sequence[Matrix],
 ) -> list[str]:
     """``judged``: the effects of noise that were tried; ``forged``: those of them that were taken back; ``left``: what
     the corrected scene does not carry, and why; ``lines``: rows and columns that were taken out of the captures before;
-    ``screens``: cameras whose captures are encoded.
+    ``screens``: cameras whose captures are encoded; ``mixed``: those with a colour matrix.
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
     found = [
         *_encoded(screens),
+        *_mixed(mixed),
         *_refuted(fitted),
         *(taken_back(n.name) for n in forged),
         *(note for n in judged if n.probability >= PRESENT for note in n.notes),
@@ -66,6 +69,17 @@ def _encoded(screens: Sequence[Screen]) -> list[str]:
         f"taken as they are, the corrected scene says so, and where the gap lies is told of what that leaves. Dim "
         f"parts of such images have coarser steps and bright ones finer than what light does; linear images of all "
         f"bits of the sensor tell more."
+    ]
+
+
+def _mixed(by: Sequence[Matrix]) -> list[str]:
+    if not by:
+        return []
+    names = " and ".join(called(m.camera) for m in by)
+    return [
+        f"The captures of {names} went through a colour matrix, and the scene says of none: it is told from them and "
+        f"taken back before anything is fitted, pictures here are of what it left, and the corrected scene has it "
+        f"(sensor:colorCorrection). Crosstalk of the sensor is not told apart from it."
     ]
 
 

@@ -4,10 +4,9 @@ import math
 import sys
 from collections.abc import Sequence
 
-from analysis.gap import aperture
+from analysis.gap import aperture, matrices
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, names
-from analysis.gap.findings import SCREEN
 from analysis.gap.fit import Fit
 from analysis.gap.hot_pixels import HOT
 from analysis.gap.structure import STEPS
@@ -20,10 +19,6 @@ WHITE = 0.02  # of σ², from which on it is worth a word
 LEAST = 0.005  # of a gap, or a probability, that is told as one
 OF_NOISE = (
     "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
-)
-ENCODED = (
-    "Over all pixels of a camera the captured DN follow sRGB's curve of the simulated ones, and no line: it was taken "
-    "so before anything was fitted."
 )
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
@@ -100,10 +95,10 @@ def interval(effect: str, name: str, found: Estimate) -> str:
 
 def grounds(fit: Fit, finding: Finding) -> tuple[str, list[str]]:
     """Why an effect, and why not another."""
+    if finding.grounds:
+        return finding.grounds, []
     if _is_fitted(fit, finding):
         return evidence(fit, finding), why_not(fit, finding)
-    if SCREEN in finding.parameters:
-        return ENCODED, []
     return OF_NOISE, why_not(fit, finding)
 
 
@@ -145,7 +140,10 @@ def _times(gain: float) -> str:
 
 
 def kinds(finding: Finding) -> list[str]:
-    """The effects that it is of: hot pixels are told with a fixed pattern, or as one."""
+    """The effects that it is of: hot pixels are told with a fixed pattern, or as one; a camera's colour matrix as
+    crosstalk, which is what it does."""
+    if finding.grounds == matrices.GROUNDS:
+        return ["color_correction"]
     if not any(n.startswith(HOT) for n in finding.parameters):
         return [finding.name]
     alone = all(n.startswith(HOT) for n in finding.parameters)

@@ -70,7 +70,12 @@ def verified(
         new = document.scene(condition.captures[0].time)
         camera = new.camera(condition.camera.name)
         own = condition.camera.sensor
-        sensor = replace(camera.sensor, gain_dB=own.gain_dB, output_bit_depth=own.output_bit_depth)
+        sensor = replace(
+            camera.sensor,
+            gain_dB=own.gain_dB,
+            output_bit_depth=own.output_bit_depth,
+            color_correction=own.color_correction,  # which may have been taken back (analysis.gap.matrices)
+        )
         camera = replace(camera, t_exp=condition.camera.t_exp, sensor=sensor)
         found.append(replace(condition, scene=new, camera=camera, rendered=None))
     rendered = render_all(

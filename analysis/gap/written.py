@@ -1,6 +1,6 @@
 """What was found, written into the scene file, and what of it no scene file carries."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from analysis.gap.attribution import PATTERN, Cause
@@ -9,7 +9,6 @@ from analysis.gap.chain_terms import signed
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import Change, write_corrected
 from analysis.gap.diagnosis import Finding
-from analysis.gap.encoded import Screen, on_scene
 from analysis.gap.fit import Fit
 from analysis.gap.hot_pixels import HOT
 from analysis.gap.noise_finding import NoiseFinding
@@ -17,6 +16,7 @@ from analysis.gap.painted import patterns
 from analysis.gap.terms import together
 from interchange.captures import Captures
 from interchange.formats.document import Document
+from interchange.scene import Scene
 
 WRITTEN = (
     "sensor_noise",
@@ -34,20 +34,18 @@ def written(
     findings: Sequence[Finding],
     noise: Sequence[NoiseFinding],
     mapped: bool,
-    screens: Sequence[Screen],
+    known: Callable[[Scene], Scene],
     path: Path,
     binning: Binning,
 ) -> dict[str, str]:
     """Write the scene to ``path``; returns the effects that it does not carry, each with the reason. ``mapped``: which
-    pixels are off by how much is known; ``screens``: cameras whose captures are encoded; ``binning``: of the captures
-    that were fitted to, which is not the scene's."""
+    pixels are off by how much is known; ``known``: a scene with what was known before anything was fitted; ``binning``:
+    of the captures that were fitted to, which is not the scene's."""
     changes = [
         *_changes(conditions, fitted, {f.name for f in findings}, binning),
         *(change for n in noise if n.name in WRITTEN for change in _noise_changes(n, binning)),
     ]
-    left = write_corrected(
-        document, captures, changes, path, lambda scene: on_scene(binning.on_scene(scene), screens)
-    )
+    left = write_corrected(document, captures, changes, path, known)
     if mapped:
         left[PATTERN] = "Which pixels are off by how much is in no scene file, only the rms of it."
     left |= {n.name: "It is no number of the sensor's model." for n in noise if n.name not in WRITTEN}

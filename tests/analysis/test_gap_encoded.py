@@ -13,7 +13,7 @@ from analysis.gap.corrected import write_corrected
 from analysis.gap.diagnosis import Estimate, Finding
 from analysis.gap.encoded import Screen, as_encoded, encoded, on_scene
 from analysis.gap.expected import mean_dn
-from analysis.gap.findings import with_curve
+from analysis.gap.findings import SCREEN, Known, with_known
 from analysis.gap.notes import _encoded
 from analysis.gap.shrinkage import Gap
 from interchange.camera import Camera
@@ -92,10 +92,12 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
     assert sum(s.chi2 for s in steps) == pytest.approx(g.as_written**2)
     gamma = Finding("response_curve", 0.7, {"gamma": Estimate(1.01, 0.01, "1")}, (), None, 2.0, 1.0, 0.005)
     other = replace(gamma, name="vignetting", share=0.025)
-    found = with_curve([other, gamma], 96.0, g, ["/World/eye"])
+    known = Known("response_curve", {SCREEN: Estimate(1.0, 0.0, "1")}, "why", 96.0, ("/World/eye",))
+    found = with_known([other, gamma], known, g)
     assert [f.name for f in found] == ["response_curve", "vignetting"]
     assert found[0].share == pytest.approx(0.965)
     assert found[0].parameters == {"sRGB": Estimate(1.0, 0.0, "1")} | gamma.parameters
+    assert found[0].grounds == "why"
     assert found[0].called == "response curve of eye"
 
 

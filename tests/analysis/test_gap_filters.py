@@ -11,6 +11,7 @@ from analysis.gap.binned import Binning, binned_camera, binning_of, times_binned
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding
 from analysis.gap.expected import expected
 from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
+from analysis.gap.matrices import Matrix
 from analysis.gap.own_pixels import notes, of_own_pixels
 from analysis.gap.raw import raw, tells_its_pixels
 from interchange.camera import Camera, Lens
@@ -200,6 +201,37 @@ def test_a_mosaic_that_the_scene_file_does_not_say_is_taken_as_one(
     sensor = open_scene(colours.folder / "undeclared" / d.corrected_scene).scene().cameras[0].sensor
     assert (sensor.mosaic, sensor.demosaic) == (Mosaic.RGGB, Demosaic.BILINEAR)
     assert any("--bin 2 takes" in note for note in notes(captures, binning_of(captures, silent.document, 1)))
+
+
+def test_a_matrix_is_taken_back_before_the_pixels_are(
+    colours: Rig, captures: Captures, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Captures that were interpolated and then mixed; which matrix it was is given here, as this bench has too few
+    colours to tell it. All else is told as without it."""
+    rows = np.array([[1.5, -0.4, -0.1], [-0.25, 1.45, -0.2], [-0.05, -0.5, 1.55]])
+    black = colours.document.scene().cameras[0].sensor.black_level
+    mixed = replace(
+        captures,
+        captures=tuple(
+            replace(c, pixels=np.rint((c.pixels - black) @ rows.T + black).astype(np.float32))
+            for c in captures.captures
+        ),
+    )
+    found = Matrix(captures.captures[0].camera, rows, (0.005,) * 6)
+    monkeypatch.setattr("analysis.gap.diagnose.matrices", lambda conditions: [found])
+    d = colours.diagnosed(mixed, "mixed", binning=2, reflected=False).diagnosis
+    of = {e.name: e for e in d.effects}
+    assert set(of) == {"white_balance", "color_crosstalk"}
+    for name, true in (("red", GAINS.red), ("blue", GAINS.blue)):
+        told = of["white_balance"].parameters[name]
+        assert abs(told.value - true) < 4 * told.sigma < 0.05
+    assert of["color_crosstalk"].parameters["rg"].value == -0.4
+    assert d.gap.after < 1.1
+    assert d.verification is not None
+    assert d.verification.holds
+    assert any("went through a colour matrix" in note for note in d.notes)
+    sensor = open_scene(colours.folder / "mixed" / d.corrected_scene).scene().cameras[0].sensor
+    assert sensor.color_correction == pytest.approx(rows.ravel())
 
 
 def test_what_cannot_be_is_told(colours: Rig, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
+from analysis.gap.encoded import GROUNDS
 from analysis.gap.findings import _targets
 from analysis.gap.report import _verification
 from analysis.gap.report_words import evidence, grounds, interval, kinds, sentence, what_is_left, why, why_not
@@ -30,7 +31,7 @@ def _fit(instead: float) -> Any:
     ],
 )
 def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: float, said: str) -> None:
-    finding: Any = SimpleNamespace(name="defocus", rivals=(), parameters={})
+    finding: Any = SimpleNamespace(name="defocus", rivals=(), parameters={}, grounds="")
     words = why_not(_fit(instead), finding)
     assert said in next(w for w in words if w.startswith("motion blur"))
     assert "not tried" in next(w for w in words if w.startswith("light size"))
@@ -39,15 +40,17 @@ def test_a_rival_is_told_by_how_much_less_likely_it_makes_the_captures(instead: 
 def test_what_was_not_fitted_is_told_by_what_it_was_judged_by() -> None:
     """A noise by repeats, beside which no fit tells how likely another is; captures that follow sRGB by all pixels."""
     number = Estimate(1.0, 0.1, "1")
-    noise: Any = SimpleNamespace(name="sensor_noise", rivals=(), parameters={"K": number}, tied=())
+    noise: Any = SimpleNamespace(
+        name="sensor_noise", rivals=(), parameters={"K": number}, tied=(), grounds=""
+    )
     said, others = grounds(_fit(0.0), noise)
     assert "on repeats" in said
     assert not any("less likely" in w for w in others)
-    curve: Any = SimpleNamespace(name="response_curve", rivals=(), parameters={"sRGB": number}, tied=())
+    curve: Any = SimpleNamespace(name="response_curve", rivals=(), parameters={}, tied=(), grounds=GROUNDS)
     said, others = grounds(_fit(0.0), curve)
     assert "follow sRGB's curve" in said
     assert others == []
-    own: Any = SimpleNamespace(name="defocus", rivals=(), parameters={"blur": number}, tied=())
+    own: Any = SimpleNamespace(name="defocus", rivals=(), parameters={"blur": number}, tied=(), grounds="")
     said, others = grounds(_fit(0.0), own)
     assert "evidence" in said
     assert any("less likely" in w for w in others)
@@ -57,7 +60,9 @@ def test_hot_pixels_are_told_as_what_they_are() -> None:
     """With a fixed pattern, or as one; "DN" begins no sentence of its own and stays what it is."""
     number = Estimate(1.0, 0.1, "1")
     hot = {"hot_share": number, "hot_current": number}
-    pattern: Any = SimpleNamespace(name="fixed_pattern", rivals=(("exposure", 0.2),), parameters=hot)
+    pattern: Any = SimpleNamespace(
+        name="fixed_pattern", rivals=(("exposure", 0.2),), parameters=hot, grounds=""
+    )
     assert kinds(pattern) == ["hot_pixels"]
     words = why_not(_fit(0.0), pattern)
     assert not any(w.startswith(("hot pixels", "fixed pattern")) for w in words)
@@ -68,7 +73,8 @@ def test_hot_pixels_are_told_as_what_they_are() -> None:
     assert any(
         "DN differ by" in w
         for w in why_not(
-            _fit(0.0), SimpleNamespace(name="exposure", rivals=(("response_curve", 0.2),), parameters={})
+            _fit(0.0),
+            SimpleNamespace(name="exposure", rivals=(("response_curve", 0.2),), parameters={}, grounds=""),
         )
     )  # type: ignore[arg-type]
 
