@@ -25,7 +25,7 @@ from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.detectable import detectable
 from analysis.gap.diagnosis import PRESENT, Diagnosis, Edges, Estimate
 from analysis.gap.edges import offsets
-from analysis.gap.encoded import GROUNDS, as_encoded, encoded, on_scene
+from analysis.gap.encoded import GROUNDS, as_encoded, encoded, is_linear, on_scene
 from analysis.gap.evidence import Evidence
 from analysis.gap.findings import (
     CROSSTALK,
@@ -121,9 +121,11 @@ def diagnose(
     whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     must_overlap(whole)
     screens = encoded(whole)
-    mixed = matrices([c for c in whole if c.camera.name not in {s.camera for s in screens}])
+    linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
+    taken_as = as_encoded(whole, screens)
+    mixed = matrices([c for c in taken_as if c.camera.name in linear])
     if mixed:
-        pure = unmixed(of_all_pixels, as_written, mixed)
+        pure = unmixed(of_all_pixels, taken_as, mixed)
         captures = binned_captures(pure, as_written, by) if by.n > 1 else pure
         found = with_steps(with_files_bits(conditions(captures, document)))
         whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
@@ -167,18 +169,23 @@ def diagnose(
     fitted, held, shrunk = v.fitted, [c for c in all_of_them if c.held_out], v.gap
     told("shares", 0.0)
     taken = attribution(fitted, held, v.by, v.shown.before, v.after, v.maps, told)
-    known: list[Known] = []
-    if screens:  # the file says nothing of them, so they are its to close
-        v = against(v, [replace(c, camera=as_said[c.name]).simulated().dn for c in held])
-        curve = {SCREEN: Estimate(1.0, 0.0, "1")}
-        closed = v.gap.before**2 - shrunk.before**2
-        known.append(Known(CURVE, curve, GROUNDS, closed, _alone([s.camera for s in screens], whole)))
+    known: list[Known] = []  # the file says nothing of them, so they are its to close
     if mixed:
-        least = v.gap.before**2
         v = against(v, [as_mixed(c, dn, mixed) for c, dn in zip(held, v.shown.before, strict=True)])
-        closed = v.gap.before**2 - least
-        only = _alone([m.camera for m in mixed], whole)
+        closed, only = v.gap.before**2 - shrunk.before**2, _alone([m.camera for m in mixed], whole)
         known.append(Known(CROSSTALK, numbers(mixed), MIXED, closed, only))
+    if screens:
+        least, curved = v.gap.before**2, {s.camera for s in screens}
+        as_it_is = [replace(c, camera=as_said[c.name]).simulated().dn for c in held]
+        v = against(
+            v,
+            [
+                dn if c.camera.name in curved else as_mixed(c, dn, mixed)
+                for c, dn in zip(held, as_it_is, strict=True)
+            ],
+        )
+        curve, closed = {SCREEN: Estimate(1.0, 0.0, "1")}, v.gap.before**2 - least
+        known.append(Known(CURVE, curve, GROUNDS, closed, _alone(sorted(curved), whole)))
     shrunk = v.gap
     findings = effects_found(fitted, taken, shrunk)
     for k in known:

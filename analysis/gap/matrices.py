@@ -1,6 +1,7 @@
 """Whether captures went through a colour matrix of which the scene file does not say: most colour cameras that give
-out interpolated images have one set. Told from captures and taken back before anything is fitted: mixed channels have
-another noise than pixels have, and what a matrix does to saturated colours would be taken for their albedo.
+out interpolated images have one set, before their curve. Told from captures and taken back before anything is fitted:
+mixed channels have another noise than pixels have, and what a matrix does to saturated colours would be taken for their
+albedo.
 
 Colours of captures follow from those simulated by one matrix, whatever all three channels have in common: lamps'
 powers, vignetting, exposures. Cells of like colour are what counts, by their medians and away from edges. Light that
@@ -19,30 +20,32 @@ from scipy.optimize import least_squares
 
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Estimate
-from analysis.gap.encoded import is_linear
 from analysis.gap.expected import SATURATED
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects.parts import called
-from interchange.formats.document import Document
+from interchange.effects.response_curve import ResponseCurve
 from interchange.scene import Scene
 from interchange.sensor import IDENTITY
 
-CELLS = 40  # of a chromaticity from 0 to 1
+CELLS = 100  # of a chromaticity from 0 to 1
 LEAST = 30  # pixels of a cell
 EVEN = 0.1  # of a pixel's signal, that neighbours differ by less: beside an edge a mosaic's channels see other things
 BRIGHT = 0.02  # of the range above black, that a pixel's channels have in the mean
+WHOLE = 0.98  # of a cell's pixels, that are above DN 0 in a channel that was not cut off there: a matrix makes such
 DISTINCT = 0.1  # least singular value of cells' colours: that of black, white and one of a chroma of 0.1
+UNSURE = 0.2  # σ of a share, from which on none is told: what is left of it, crosstalk in the fit takes
 NEGATIVE = 0.05  # share of another channel that is taken off, from which on a matrix is a camera's
-BETTER = 3.0  # times less that it leaves of colours than gains of the channels alone
+# times less that it leaves of colours than gains of the channels alone. Of what a curve does that makes them stronger
+# (γ 1.1 to 2.2) it leaves 3 to 5.5 times less; of a matrix 8 times in 8 bits by sRGB's curve, 34 in 12 bits
+BETTER = 6.5
 GROUNDS = (
     "Colours of a camera's captures follow from those simulated by one matrix that takes light of other channels off, "
     "which no sensor does: it was taken back before anything was fitted."
 )
 NAMES = ("rg", "rb", "gr", "gb", "br", "bg")  # of ColorCrosstalk, in the order of a matrix's rows
-Cells = tuple[
-    np.ndarray, np.ndarray, np.ndarray
-]  # colours simulated and captured (n, 3), sums 1; weights (n,)
+# colours simulated and captured over the light simulated, and weights of each channel, 0 where it was cut off; (n, 3)
+Cells = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +60,16 @@ class Matrix:
     def beside_diagonal(self) -> tuple[float, ...]:
         return tuple(map(float, self.rows[~np.eye(3, dtype=bool)]))
 
-    def taken_back(self, dn: np.ndarray, black: float) -> np.ndarray:
-        """(H, W, 3) as it was before the matrix."""
-        back = np.linalg.inv(self.rows).T.astype(np.float32)
-        return (dn - np.float32(black)) @ back + np.float32(black)
+    def taken_back(self, dn: np.ndarray, camera: Camera) -> np.ndarray:
+        """(H, W, 3) DN as they were before the matrix, with what the camera does after it."""
+        return _encoded(_linear(dn, camera) @ np.linalg.inv(self.rows).T, camera)
 
 
 def matrices(found: Sequence[Condition]) -> list[Matrix]:
-    """Of the cameras whose captures are linear and mixed."""
+    """Of the cameras whose captures are mixed."""
     cameras: dict[str, list[Condition]] = {}
     for c in found:
-        sensor = c.camera.sensor
-        if is_linear(sensor) and sensor.color_correction == IDENTITY and c.mean.shape[2] == 3:
+        if c.camera.sensor.color_correction == IDENTITY and c.mean.shape[2] == 3:
             cameras.setdefault(c.camera.name, []).append(c)
     return [m for name, own in cameras.items() if (m := _matrix(name, [_cells(c) for c in own]))]
 
@@ -82,24 +83,23 @@ def numbers(by: Sequence[Matrix]) -> dict[str, Estimate]:
     }
 
 
-def unmixed(captures: Captures, document: Document, by: Sequence[Matrix]) -> Captures:
-    """Captures as they were before the matrices. A pixel with a channel that was cut off, at the highest DN or at 0, is
-    masked: what was lost there is no longer in it alone. Those of 8 bits are rounded to such again, so that they are
-    taken for what they are."""
+def unmixed(captures: Captures, found: Sequence[Condition], by: Sequence[Matrix]) -> Captures:
+    """Captures as they were before the matrices, which stand before their curve if they have one; ``found``: the
+    conditions that they were told from. A pixel with a channel that was cut off, at the highest DN or at 0, is masked:
+    what was lost there is no longer in it alone. Those of 8 bits are rounded to such again, so that they are taken for
+    what they are."""
     of = {m.camera: m for m in by}
-    sensors = {c.name: c.sensor for c in document.scene().cameras}
+    cameras = {c.camera.name: c.camera for c in found}
 
     def back(capture: Capture) -> Capture:
         if capture.camera not in of:
             return capture
-        sensor, pixels = sensors[capture.camera], capture.pixels
-        few = capture.bits == 8 and sensor.bits_out > 8
-        top = 255 if few else 2**sensor.bits_out - 1
+        camera, pixels = cameras[capture.camera], capture.pixels
+        top = 2**camera.sensor.bits_out - 1
         cut = (pixels.max(axis=2) >= SATURATED * top) | (pixels.min(axis=2) <= 0)
         mask = ~cut if capture.mask is None else ~cut & capture.mask
-        black = sensor.black_level * top / (2**sensor.bit_depth - 1)
-        before = of[capture.camera].taken_back(pixels, black)
-        if few:
+        before = of[capture.camera].taken_back(pixels, camera)
+        if capture.bits == 8:
             return replace(capture, pixels=np.clip(np.rint(before), 0, top), mask=mask)
         return replace(capture, pixels=before, mask=mask, bits=0)
 
@@ -108,8 +108,21 @@ def unmixed(captures: Captures, document: Document, by: Sequence[Matrix]) -> Cap
 
 def as_mixed(c: Condition, dn: np.ndarray, by: Sequence[Matrix]) -> np.ndarray:
     """What a simulation without a matrix is beside captures whose matrix was taken back."""
-    black = c.simulated().black * c.simulated().top / (2**c.camera.sensor.bit_depth - 1)
-    return next((m.taken_back(dn, black) for m in by if m.camera == c.camera.name), dn)
+    return next((m.taken_back(dn, c.camera) for m in by if m.camera == c.camera.name), dn)
+
+
+def _linear(dn: np.ndarray, camera: Camera) -> np.ndarray:
+    """Of DN those above black that were there before a camera's curve."""
+    s, curve = camera.sensor, ResponseCurve.of(camera)
+    x = np.arange(2**s.bit_depth)
+    return np.interp(dn, curve.output(x, s.bit_depth, s.black_level), x) - s.black_level
+
+
+def _encoded(above: np.ndarray, camera: Camera) -> np.ndarray:
+    """The DN of a camera whose curve gets so many above black."""
+    s = camera.sensor
+    dn = ResponseCurve.of(camera).output(above + s.black_level, s.bit_depth, s.black_level)
+    return np.asarray(dn, np.float32)
 
 
 def with_matrices(scene: Scene, by: Sequence[Matrix]) -> Scene:
@@ -127,20 +140,24 @@ def with_matrices(scene: Scene, by: Sequence[Matrix]) -> Scene:
 
 def _cells(c: Condition) -> Cells:
     """What a condition shows of each colour."""
-    simulated = c.simulated()
-    black = simulated.black * simulated.top / (2**c.camera.sensor.bit_depth - 1)
+    simulated, captured = (_linear(dn, c.camera) for dn in (c.simulated().dn, c.mean))
     around = np.ones((3, 3), np.uint8)
-    steps = cv2.dilate(simulated.dn, around) - cv2.erode(simulated.dn, around)
-    even = (steps < EVEN * (simulated.dn.max(axis=2, keepdims=True) - black)).all(axis=2)
-    ok = c.compared & c.above_zero & even
-    x, y = (np.asarray(dn[ok] - black, np.float64) for dn in (simulated.dn, c.mean))
-    bright = np.minimum(x.mean(axis=1), y.mean(axis=1)) > BRIGHT * (simulated.top - black)
-    x, y = (v[bright] / v[bright].sum(axis=1, keepdims=True) for v in (x, y))
+    steps = cv2.dilate(simulated, around) - cv2.erode(simulated, around)
+    even = (steps < EVEN * simulated.max(axis=2, keepdims=True)).all(axis=2)
+    range_ = 2**c.camera.sensor.bit_depth - 1 - c.camera.sensor.black_level
+    bright = np.minimum(simulated.mean(axis=2), captured.mean(axis=2)) > BRIGHT * range_
+    ok = c.compared & even & bright
+    x, y, there = simulated[ok], captured[ok], c.mean[ok] > 0
+    light = x.sum(axis=1, keepdims=True)
+    x, y = x / light, y / light
     cell = np.rint(CELLS * x[:, :2]).astype(int) @ [CELLS + 1, 1]
     names, index, counts = np.unique(cell, return_inverse=True, return_counts=True)
     kept = [np.flatnonzero(index == k) for k in range(len(names)) if counts[k] >= LEAST]
     medians = [np.array([np.median(v[own], axis=0) for own in kept]).reshape(-1, 3) for v in (x, y)]
-    return medians[0], medians[1], np.array([np.sqrt(len(own)) for own in kept])
+    whole = np.array([there[own].mean(axis=0) > WHOLE for own in kept]).reshape(-1, 3)
+    told = whole.sum(axis=1) > 1  # one channel alone has no colour
+    weights = np.array([np.sqrt(len(own)) for own in kept])
+    return medians[0][told], medians[1][told], (whole * weights.reshape(-1, 1))[told]
 
 
 def _matrix(name: str, conditions: Sequence[Cells]) -> Matrix | None:
@@ -152,14 +169,15 @@ def _matrix(name: str, conditions: Sequence[Cells]) -> Matrix | None:
     gains, mixed = _followed(every, np.eye(3, dtype=bool)), _followed(every, np.ones((3, 3), bool))
     others = ~np.eye(3, dtype=bool)
     rows = _of_sum_one(mixed)
-    if rows[others].min() > -NEGATIVE or _missed(every, gains) < BETTER * _missed(every, mixed):
+    left = _missed(every, mixed)
+    if rows[others].min() > -NEGATIVE or _missed(every, gains) < BETTER * left:
         return None
     without = [
         _of_sum_one(_followed(_together([*conditions[:k], *conditions[k + 1 :]]), np.ones((3, 3), bool)))
         for k in range(len(conditions))
     ]
     sigma = np.sqrt((len(conditions) - 1) * np.var(without, axis=0))[others]  # the jackknife's
-    return Matrix(name, rows, tuple(map(float, sigma))) if sigma.max() < NEGATIVE else None
+    return Matrix(name, rows, tuple(map(float, sigma))) if sigma.max() < UNSURE else None
 
 
 def _together(conditions: Sequence[Cells]) -> Cells:
@@ -186,7 +204,9 @@ def _left(cells: Cells, by: np.ndarray) -> np.ndarray:
     """What is left of captured colours, weighted; one more number for the sum, which colours say nothing of."""
     x, y, weights = cells
     made = x @ by.T
-    left = (y - made / made.sum(axis=1, keepdims=True)) * weights[:, None]
+    seen = weights > 0
+    bright = (seen * y * made).sum(axis=1) / np.maximum((seen * made * made).sum(axis=1), 1e-12)
+    left = (y / np.maximum(bright, 1e-6)[:, None] - made) * weights
     return np.append(left, by.sum() - 3)
 
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.encoded import is_linear
 from interchange.problems import BrightfieldError
 
 OVERLAP = 0.2  # least correlation of captures and simulation that a diagnosis can start from
@@ -76,7 +77,7 @@ def notes_on_files(found: Sequence[Condition]) -> list[str]:
         f"8-bit images: a step is {step:.3g} DN of the sensor's {sensor.bit_depth} bits, rounding alone makes "
         f"{step / 12**0.5:.2g} DN rms, and a black level is known to half a step; effects below that are not found."
     ]
-    if sensor.response == "linear" and sensor.gamma == 1.0 and not (sensor.bow or sensor.skew):
+    if is_linear(sensor):
         out.append(
             "8-bit images are often processed (gamma, white balance, sharpening, JPEG): the scene says sensor:response "
             "linear, and what the camera does to its image counts as an effect here."

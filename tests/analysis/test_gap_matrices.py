@@ -14,12 +14,14 @@ from analysis.gap.matrices import Matrix, as_mixed, matrices, numbers, unmixed, 
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
 from interchange.effects.color_crosstalk import ColorCrosstalk
+from interchange.effects.response_curve import ResponseCurve
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
 from interchange.scene import Scene
+from interchange.sensor import Response
 
 ROWS = np.array([[1.5, -0.4, -0.1], [-0.25, 1.45, -0.2], [-0.05, -0.5, 1.55]])
-BLACK, TOP = 64.0, 4095.0
+BLACK = 64.0
 SENSOR = Sensor((160, 120), (5e-6, 5e-6), 80.0, 9000.0, 12, BLACK, 8.0)
 CAMERA = Camera("/World/Camera0", sensor=SENSOR, t_exp=0.02)
 FOUND = Matrix(CAMERA.name, ROWS, (0.01,) * 6)
@@ -28,7 +30,7 @@ FOUND = Matrix(CAMERA.name, ROWS, (0.01,) * 6)
 def _patches(seed: int, colours: int = 16) -> np.ndarray:
     """(120, 160, 3) DN of a chart, lit by a lamp that falls off."""
     rng = np.random.default_rng(seed)
-    chart = np.random.default_rng(0).uniform(300, 2000, (4, 4, 3))
+    chart = np.random.default_rng(0).uniform(500, 1800, (4, 4, 3))
     chart.reshape(-1, 3)[colours:] = 900.0
     dn = np.kron(chart, np.ones((30, 40, 1)))
     y, x = np.mgrid[:120, :160]
@@ -44,13 +46,14 @@ def _condition(dn: np.ndarray, by: np.ndarray, camera: Camera = CAMERA) -> Any:
     seen = (dn - BLACK) * [1.05, 1.0, 0.93] * (1 - 0.2 * x * x)
     noisy = seen + np.sqrt(0.4 * seen) * rng.standard_normal(seen.shape)
     there = np.ones(dn.shape[:2], bool)
-    simulated = SimpleNamespace(dn=dn.astype(np.float32), black=BLACK, top=TOP)
+    curve = ResponseCurve.of(camera)
+    simulated, mean = (curve.output(x, 12, BLACK) for x in (dn, noisy @ by.T + BLACK))
     return SimpleNamespace(
         camera=camera,
-        mean=noisy @ by.T + BLACK,
+        mean=mean,
         compared=there,
-        above_zero=there,
-        simulated=lambda: simulated,
+        above_zero=mean.min(axis=2) > 20,
+        simulated=lambda: SimpleNamespace(dn=simulated),
     )
 
 
@@ -70,6 +73,23 @@ def test_a_matrix_is_told_by_camera_whatever_the_lens_and_the_gains() -> None:
     assert {"Camera0 rg", "Camera1 bg"} < set(two)
 
 
+def test_a_matrix_is_told_before_a_curve_that_is_known() -> None:
+    camera = replace(CAMERA, sensor=replace(SENSOR, response=Response.SRGB, output_bit_depth=8))
+    own: Sequence[Any] = [_condition(_patches(k), ROWS, camera) for k in range(4)]
+    (found,) = matrices(own)
+    assert found.rows[0, 1] == pytest.approx(-0.4 / (1.5 * 1.05 - 0.4 - 0.1 * 0.93), abs=0.01)
+
+
+@pytest.mark.parametrize("gamma", [0.7, 1.1, 1.15, 1.3, 1.6])
+def test_a_curve_that_is_not_known_is_no_matrix(gamma: float) -> None:
+    """One that makes colours stronger, as a matrix does, among them."""
+    plain: Sequence[Any] = [_condition(_patches(k), np.eye(3)) for k in range(4)]
+    curve = ResponseCurve(gamma=gamma)
+    for c in plain:
+        c.mean = curve.output(c.mean, 12, BLACK)
+    assert matrices(plain) == []
+
+
 def test_what_sensors_do_is_no_matrix() -> None:
     """Gains, light that leaks into other channels, and what no three colours tell."""
     leaks = ColorCrosstalk(rg=0.1, gr=0.08, gb=0.05, bg=0.1).matrix
@@ -83,7 +103,8 @@ def test_captures_are_as_they_were_before(bits: int) -> None:
     """What the camera with that matrix takes, against the one without; what was cut off is masked."""
     light = np.broadcast_to(np.linspace(1, 6500, 160)[None, :, None], (120, 160, 3)) * [1.0, 0.5, 0.4]
     image = Image(light.astype(np.float32), Quantity.RADIANCE, CAMERA)
-    camera = replace(CAMERA, sensor=replace(SENSOR, output_bit_depth=bits, read_noise=0.0))
+    response = Response.SRGB if bits == 8 else Response.LINEAR
+    camera = replace(CAMERA, sensor=replace(SENSOR, output_bit_depth=bits, read_noise=0.0, response=response))
     mixing = with_matrices(Scene(cameras=(camera,)), [FOUND]).cameras[0]
     assert mixing.sensor.color_correction == tuple(ROWS.ravel())
     pixels = [
@@ -92,8 +113,8 @@ def test_captures_are_as_they_were_before(bits: int) -> None:
     ]
     plain, mixed = (np.rint(x) if bits == 8 else x for x in pixels)
     capture = Capture("a.png", CAMERA.name, 0.0, CAMERA.t_exp, mixed.astype(np.float32), bits=bits)
-    document: Any = SimpleNamespace(scene=lambda: Scene(cameras=(CAMERA,)))
-    (back,) = unmixed(Captures(Path("c.json"), Path("s.usda"), (capture,)), document, [FOUND]).captures
+    conditions: Sequence[Any] = [SimpleNamespace(camera=camera)]
+    (back,) = unmixed(Captures(Path("c.json"), Path("s.usda"), (capture,)), conditions, [FOUND]).captures
     assert back.mask is not None
     assert 0.3 < back.mask.mean() < 1
     assert not back.mask[mixed.max(axis=2) >= 0.95 * (2**bits - 1)].any()
