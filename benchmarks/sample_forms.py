@@ -1,5 +1,5 @@
 """The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared, by
-a mosaic of colours, interpolated or raw, and as a camera makes pictures, by all of that and a JPEG.
+a mosaic of colours, raw, interpolated, through a colour matrix, as a picture (8 bits by sRGB's curve), and as a JPEG.
 
 python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
@@ -48,16 +48,26 @@ def interpolated(dn: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.demosaicing(raw(dn), cv2.COLOR_BayerRGGB2BGR))
 
 
-def picture(dn: np.ndarray) -> np.ndarray:
-    """Interpolated, colours further apart (rows of the matrix have the sum 1), sRGB's curve, and what a JPEG leaves."""
+def colours(dn: np.ndarray) -> np.ndarray:
+    """Interpolated, then further apart: rows of the matrix have the sum 1."""
     linear = (interpolated(dn).astype(float) - BLACK) @ SATURATING[::-1, ::-1].T + BLACK
-    shown = srgb(np.clip(linear, 0, HIGHEST))
+    return np.clip(np.rint(linear), 0, HIGHEST).astype(np.uint16)
+
+
+def picture(dn: np.ndarray) -> np.ndarray:
+    """That by sRGB's curve, of 8 bits."""
+    return srgb(colours(dn))
+
+
+def jpeg(dn: np.ndarray) -> np.ndarray:
+    """What a JPEG leaves of it."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", shown, quality)[1], cv2.IMREAD_COLOR))
+    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", picture(dn), quality)[1], cv2.IMREAD_COLOR))
 
 
 FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "picture": picture,
+    "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "colours": colours,
+    "picture": picture, "jpeg": jpeg,
 }  # fmt: skip
 
 

@@ -173,7 +173,7 @@ def diagnose(
     if mixed:
         v = against(v, [as_mixed(c, dn, mixed) for c, dn in zip(held, v.shown.before, strict=True)])
         closed, only = v.gap.before**2 - shrunk.before**2, _alone([m.camera for m in mixed], whole)
-        known.append(Known(CROSSTALK, numbers(mixed), MIXED, closed, only))
+        known.append(Known(CROSSTALK, {}, MIXED, closed, only))
     if screens:
         least, curved = v.gap.before**2, {s.camera for s in screens}
         as_it_is = [replace(c, camera=as_said[c.name]).simulated().dn for c in held]
@@ -189,6 +189,9 @@ def diagnose(
     shrunk = v.gap
     findings = effects_found(fitted, taken, shrunk)
     for k in known:
+        if k.name == CROSSTALK:  # with what the fit adds to it
+            found_too = next((f.parameters for f in findings if f.name == CROSSTALK), {})
+            k = replace(k, parameters=numbers(mixed, found_too))
         findings = with_known(findings, k, shrunk)
     noise = [n for n in judged if n.probability >= PRESENT and n.name not in taken.players]
     findings += [noise_effect(n, taken, shrunk) for n in noise]

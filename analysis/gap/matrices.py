@@ -11,7 +11,7 @@ Finlayson, Mohammadzadeh Darrodi, Mackiewicz: The alternating least squares tech
 correction. Color Research and Application 40(3), 2015: brightness of each colour is its own there, too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -23,6 +23,7 @@ from analysis.gap.diagnosis import Estimate
 from analysis.gap.expected import SATURATED
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
+from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.parts import called
 from interchange.effects.response_curve import ResponseCurve
 from interchange.scene import Scene
@@ -32,9 +33,13 @@ CELLS = 100  # of a chromaticity from 0 to 1
 LEAST = 30  # pixels of a cell
 EVEN = 0.1  # of a pixel's signal, that neighbours differ by less: beside an edge a mosaic's channels see other things
 BRIGHT = 0.02  # of the range above black, that a pixel's channels have in the mean
-WHOLE = 0.98  # of a cell's pixels, that are above DN 0 in a channel that was not cut off there: a matrix makes such
+FAR, WHOLE = 3.0, 0.98  # σ above DN 0, that so many of a cell's pixels have in a channel that was not cut off
+APART = 0.1  # of chromaticities, summed, from which on colours are others
+FEWEST = 5  # colours: four determine a matrix, whatever is off
 DISTINCT = 0.1  # least singular value of cells' colours: that of black, white and one of a chroma of 0.1
-UNSURE = 0.2  # σ of a share, from which on none is told: what is left of it, crosstalk in the fit takes
+UNSURE = (
+    0.5  # σ of a share, from which on none is told; crosstalk in the fit takes what is left of the matrix
+)
 NEGATIVE = 0.05  # share of another channel that is taken off, from which on a matrix is a camera's
 # times less that it leaves of colours than gains of the channels alone. Of what a curve does that makes them stronger
 # (γ 1.1 to 2.2) it leaves 3 to 5.5 times less; of a matrix 8 times in 8 bits by sRGB's curve, 34 in 12 bits
@@ -43,8 +48,10 @@ GROUNDS = (
     "Colours of a camera's captures follow from those simulated by one matrix that takes light of other channels off, "
     "which no sensor does: it was taken back before anything was fitted."
 )
+BESIDE = ~np.eye(3, dtype=bool)  # the diagonal
 NAMES = ("rg", "rb", "gr", "gb", "br", "bg")  # of ColorCrosstalk, in the order of a matrix's rows
-# colours simulated and captured over the light simulated, and weights of each channel, 0 where it was cut off; (n, 3)
+# colours simulated and captured over the light simulated, and weights of each channel, (n, 3); below 0 where it was cut
+# off, of which is known that there was no light
 Cells = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -55,10 +62,6 @@ class Matrix:
     camera: str
     rows: np.ndarray
     sigma: tuple[float, ...]
-
-    @property
-    def beside_diagonal(self) -> tuple[float, ...]:
-        return tuple(map(float, self.rows[~np.eye(3, dtype=bool)]))
 
     def taken_back(self, dn: np.ndarray, camera: Camera) -> np.ndarray:
         """(H, W, 3) DN as they were before the matrix, with what the camera does after it."""
@@ -71,16 +74,22 @@ def matrices(found: Sequence[Condition]) -> list[Matrix]:
     for c in found:
         if c.camera.sensor.color_correction == IDENTITY and c.mean.shape[2] == 3:
             cameras.setdefault(c.camera.name, []).append(c)
-    return [m for name, own in cameras.items() if (m := _matrix(name, [_cells(c) for c in own]))]
+    return [m for name, own in cameras.items() if (m := _matrix(name, _together([_cells(c) for c in own])))]
 
 
-def numbers(by: Sequence[Matrix]) -> dict[str, Estimate]:
-    """What is not on the diagonals, as ColorCrosstalk has it; by camera where there are several."""
-    return {
-        (f"{called(m.camera)} {name}" if len(by) > 1 else name): Estimate(x, s, "1")
-        for m in by
-        for name, x, s in zip(NAMES, m.beside_diagonal, m.sigma, strict=True)
-    }
+def numbers(by: Sequence[Matrix], before: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """What is not on the diagonals, as ColorCrosstalk has it; by camera where there are several. ``before``: crosstalk
+    that was found in captures whose matrix was taken back; it corrects the matrix, and knows it better."""
+    found = {n: before[n] for n in NAMES if n in before}
+    leaks = ColorCrosstalk(**{n: x.value for n, x in found.items()}).matrix
+    told = {}
+    for m in by:
+        values = _of_sum_one(m.rows @ leaks)[BESIDE]
+        for name, x, s in zip(NAMES, values, m.sigma, strict=True):
+            told[f"{called(m.camera)} {name}" if len(by) > 1 else name] = Estimate(
+                float(x), found[name].sigma if name in found else s, "1"
+            )
+    return told
 
 
 def unmixed(captures: Captures, found: Sequence[Condition], by: Sequence[Matrix]) -> Captures:
@@ -144,10 +153,12 @@ def _cells(c: Condition) -> Cells:
     around = np.ones((3, 3), np.uint8)
     steps = cv2.dilate(simulated, around) - cv2.erode(simulated, around)
     even = (steps < EVEN * simulated.max(axis=2, keepdims=True)).all(axis=2)
-    range_ = 2**c.camera.sensor.bit_depth - 1 - c.camera.sensor.black_level
+    s = c.camera.sensor
+    range_ = 2**s.bit_depth - 1 - s.black_level
     bright = np.minimum(simulated.mean(axis=2), captured.mean(axis=2)) > BRIGHT * range_
+    noise = np.sqrt((s.K * s.read_noise) ** 2 + s.K * np.maximum(captured, 0))
     ok = c.compared & even & bright
-    x, y, there = simulated[ok], captured[ok], c.mean[ok] > 0
+    x, y, there = simulated[ok], captured[ok], (captured + s.black_level > FAR * noise)[ok]
     light = x.sum(axis=1, keepdims=True)
     x, y = x / light, y / light
     cell = np.rint(CELLS * x[:, :2]).astype(int) @ [CELLS + 1, 1]
@@ -155,29 +166,41 @@ def _cells(c: Condition) -> Cells:
     kept = [np.flatnonzero(index == k) for k in range(len(names)) if counts[k] >= LEAST]
     medians = [np.array([np.median(v[own], axis=0) for own in kept]).reshape(-1, 3) for v in (x, y)]
     whole = np.array([there[own].mean(axis=0) > WHOLE for own in kept]).reshape(-1, 3)
-    told = whole.sum(axis=1) > 1  # one channel alone has no colour
-    weights = np.array([np.sqrt(len(own)) for own in kept])
-    return medians[0][told], medians[1][told], (whole * weights.reshape(-1, 1))[told]
+    told = whole.any(axis=1)
+    weights = np.sqrt(np.array([len(own) for own in kept])).reshape(-1, 1)
+    return medians[0][told], medians[1][told], np.where(whole, weights, -weights)[told]
 
 
-def _matrix(name: str, conditions: Sequence[Cells]) -> Matrix | None:
-    if len(conditions) < 2:
+def _matrix(name: str, every: Cells) -> Matrix | None:
+    """What all cells follow, and whichever colour is left out: one paint that is off is no matrix."""
+    colours = _colours(every[0])
+    whole = np.ones((3, 3), bool)
+    if len(colours) < FEWEST or _distinct(every) < DISTINCT:
         return None
-    every = _together(conditions)
-    if len(every[0]) < 4 or np.linalg.svd(every[0], compute_uv=False)[2] < DISTINCT:
-        return None  # too few colours
-    gains, mixed = _followed(every, np.eye(3, dtype=bool)), _followed(every, np.ones((3, 3), bool))
-    others = ~np.eye(3, dtype=bool)
+    gains, mixed = _followed(every, ~BESIDE), _followed(every, whole)
     rows = _of_sum_one(mixed)
-    left = _missed(every, mixed)
-    if rows[others].min() > -NEGATIVE or _missed(every, gains) < BETTER * left:
+    if rows[BESIDE].min() > -NEGATIVE or _missed(every, gains) < BETTER * _missed(every, mixed):
         return None
-    without = [
-        _of_sum_one(_followed(_together([*conditions[:k], *conditions[k + 1 :]]), np.ones((3, 3), bool)))
-        for k in range(len(conditions))
-    ]
-    sigma = np.sqrt((len(conditions) - 1) * np.var(without, axis=0))[others]  # the jackknife's
+    kept = [(x[own], y[own], w[own]) for own in colours for x, y, w in [every]]
+    without = [_of_sum_one(_followed(cells, whole)) for cells in kept if _distinct(cells) >= DISTINCT]
+    if len(without) < len(colours) or max(r[BESIDE].min() for r in without) > -NEGATIVE / 2:
+        return None
+    sigma = np.sqrt((len(without) - 1) * np.var(without, axis=0))[BESIDE]  # the jackknife's
     return Matrix(name, rows, tuple(map(float, sigma))) if sigma.max() < UNSURE else None
+
+
+def _colours(x: np.ndarray) -> list[np.ndarray]:
+    """For each colour of cells (n, 3) which of them have others (n,)."""
+    centres: list[np.ndarray] = []
+    for colour in x:
+        if all(np.abs(colour - c).sum() > APART for c in centres):
+            centres.append(colour)
+    of = np.array([np.argmin([np.abs(colour - c).sum() for c in centres]) for colour in x], int)
+    return [of != k for k in range(len(centres))]
+
+
+def _distinct(cells: Cells) -> float:
+    return float(np.linalg.svd(cells[0], compute_uv=False)[2]) if len(cells[0]) > 2 else 0.0
 
 
 def _together(conditions: Sequence[Cells]) -> Cells:
@@ -206,7 +229,8 @@ def _left(cells: Cells, by: np.ndarray) -> np.ndarray:
     made = x @ by.T
     seen = weights > 0
     bright = (seen * y * made).sum(axis=1) / np.maximum((seen * made * made).sum(axis=1), 1e-12)
-    left = (y / np.maximum(bright, 1e-6)[:, None] - made) * weights
+    off = np.where(seen, y / np.maximum(bright, 1e-6)[:, None] - made, np.maximum(made, 0))
+    left = off * np.abs(weights)
     return np.append(left, by.sum() - 3)
 
 

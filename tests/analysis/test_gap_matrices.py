@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.gap.diagnosis import Estimate
 from analysis.gap.matrices import Matrix, as_mixed, matrices, numbers, unmixed, with_matrices
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
@@ -66,10 +67,13 @@ def test_a_matrix_is_told_by_camera_whatever_the_lens_and_the_gains() -> None:
     want = ROWS * [1.05, 1.0, 0.93]
     want /= want.sum(axis=1, keepdims=True)
     assert found.rows == pytest.approx(want, abs=0.01)  # 1000 px a colour of 3 % noise
-    told = numbers([found])
+    told = numbers([found], {})
     assert (told["rg"].value, told["bg"].value) == (found.rows[0, 1], found.rows[2, 1])
     assert all(0 < x.sigma < 0.01 for x in told.values())
-    two = numbers([found, replace(found, camera=other.name)])
+    more = numbers([found], {"rg": Estimate(0.02, 0.003, "1")})["rg"]
+    assert more.sigma == 0.003
+    assert more.value == pytest.approx(0.98 * found.rows[0, 1] + 0.02 * (found.rows[0, 0] + found.rows[0, 1]))
+    two = numbers([found, replace(found, camera=other.name)], {})
     assert {"Camera0 rg", "Camera1 bg"} < set(two)
 
 
