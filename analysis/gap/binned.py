@@ -21,6 +21,7 @@ from analysis.gap.filters import BehindFilters, sites
 from analysis.gap.mosaics import mosaic_of
 from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.reach import cropped
+from analysis.gap.taken import Taken
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
 from interchange.effects import MODELS
@@ -93,21 +94,13 @@ class Binning:
 
     def document(self, document: Document) -> Document:
         """A scene file whose ``cameras`` bin; the stage is the file's own."""
-        return document if self.n == 1 else BinnedDocument(document, self)
+        return document if self.n == 1 else Taken(document, self._binned)
 
-
-class BinnedDocument(Document):
-    """``document`` with cameras that bin as ``by`` says."""
-
-    def __init__(self, document: Document, by: Binning) -> None:
-        super().__init__(document.stage, document.path, document.problems)
-        self.own, self.by = document, by
-
-    def scene(self, time: float | None = None) -> Scene:
-        by = self.by
-        scene = by.on_scene(self.own.scene(time))
-        cameras = tuple(binned_camera(c, by.n) if c.name in by.cameras else c for c in scene.cameras)
-        return replace(scene, cameras=cameras)
+    def _binned(self, scene: Scene) -> Scene:
+        cameras = self.on_scene(scene).cameras
+        return replace(
+            scene, cameras=tuple(binned_camera(c, self.n) if c.name in self.cameras else c for c in cameras)
+        )
 
 
 def times_binned(captures: Captures, document: Document) -> int:

@@ -43,7 +43,7 @@ from analysis.gap.knots import Knots
 from analysis.gap.ledger import Ledger, fixed_to, ledger, temporal_scale
 from analysis.gap.lines import without_lines
 from analysis.gap.matrices import GROUNDS as MIXED
-from analysis.gap.matrices import as_mixed, matrices, numbers, unmixed, with_matrices
+from analysis.gap.matrices import as_mixed, matrices, numbers, unmixed, with_matrices, without_declared
 from analysis.gap.metric import Measure, measured
 from analysis.gap.model import Model
 from analysis.gap.mosaics import must_say_its_mosaic
@@ -108,8 +108,10 @@ def diagnose(
     Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
-    as_written, of_all_pixels = document, captures
+    as_written = document
     must_fit(captures, document)
+    captures, document = without_declared(captures, document)
+    of_all_pixels, unbinned = captures, document
     must_say_its_mosaic(captures, document.scene())
     by = binning_of(captures, document, binning)
     if by.n > 1:
@@ -125,8 +127,8 @@ def diagnose(
     taken_as = as_encoded(whole, screens)
     mixed = matrices([c for c in taken_as if c.camera.name in linear])
     if mixed:
-        pure = unmixed(of_all_pixels, taken_as, mixed)
-        captures = binned_captures(pure, as_written, by) if by.n > 1 else pure
+        pure = unmixed(of_all_pixels, {c.camera.name: c.camera for c in taken_as}, mixed)
+        captures = binned_captures(pure, unbinned, by) if by.n > 1 else pure
         found = with_steps(with_files_bits(conditions(captures, document)))
         whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     whole, as_said = as_encoded(whole, screens), {c.name: c.camera for c in whole}

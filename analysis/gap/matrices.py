@@ -21,11 +21,13 @@ from scipy.optimize import least_squares
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Estimate
 from analysis.gap.expected import SATURATED
+from analysis.gap.taken import Taken
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.parts import called
 from interchange.effects.response_curve import ResponseCurve
+from interchange.formats.document import Document
 from interchange.scene import Scene
 from interchange.sensor import IDENTITY
 
@@ -37,6 +39,7 @@ FAR, WHOLE = 3.0, 0.98  # σ above DN 0, that so many of a cell's pixels have in
 APART = 0.1  # of chromaticities, summed, from which on colours are others
 FEWEST = 5  # colours: four determine a matrix, whatever is off
 DISTINCT = 0.1  # least singular value of cells' colours: that of black, white and one of a chroma of 0.1
+WORST = 1e3  # condition of a matrix that is taken back
 UNSURE = (
     0.5  # σ of a share, from which on none is told; crosstalk in the fit takes what is left of the matrix
 )
@@ -92,13 +95,33 @@ def numbers(by: Sequence[Matrix], before: Mapping[str, Estimate]) -> dict[str, E
     return told
 
 
-def unmixed(captures: Captures, found: Sequence[Condition], by: Sequence[Matrix]) -> Captures:
-    """Captures as they were before the matrices, which stand before their curve if they have one; ``found``: the
-    conditions that they were told from. A pixel with a channel that was cut off, at the highest DN or at 0, is masked:
+def without_declared(captures: Captures, document: Document) -> tuple[Captures, Document]:
+    """Captures as they were before the matrices that the scene file says, and a document whose cameras have none. A
+    JPEG stays as it is, and what a matrix mixes that hardly can be taken back."""
+    by, cameras = [], {}
+    for c in document.scene().cameras:
+        own = [x for x in captures.captures if x.camera == c.name]
+        rows = np.array(c.sensor.color_correction).reshape(3, 3)
+        mixes = c.sensor.color_correction != IDENTITY and np.linalg.cond(rows) < WORST
+        if mixes and not c.sensor.jpeg_quality and own and all(x.pixels.shape[2] == 3 for x in own):
+            few = own[0].bits == 8 and c.sensor.bits_out > 8
+            cameras[c.name] = replace(c, sensor=replace(c.sensor, output_bit_depth=8)) if few else c
+            by.append(Matrix(c.name, rows, (0.0,) * 6))
+    if not by:
+        return captures, document
+
+    def plain(scene: Scene) -> Scene:
+        return with_matrices(scene, [replace(m, rows=np.eye(3)) for m in by])
+
+    return unmixed(captures, cameras, by), Taken(document, plain)
+
+
+def unmixed(captures: Captures, cameras: Mapping[str, Camera], by: Sequence[Matrix]) -> Captures:
+    """Captures as they were before the matrices, which stand before the curves of their ``cameras`` if they have some.
+    A pixel with a channel that was cut off, at the highest DN or at 0, is masked:
     what was lost there is no longer in it alone. Those of 8 bits are rounded to such again, so that they are taken for
     what they are."""
     of = {m.camera: m for m in by}
-    cameras = {c.camera.name: c.camera for c in found}
 
     def back(capture: Capture) -> Capture:
         if capture.camera not in of:
@@ -135,7 +158,7 @@ def _encoded(above: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def with_matrices(scene: Scene, by: Sequence[Matrix]) -> Scene:
-    """The scene with the matrices that its file does not say."""
+    """The scene with these matrices, whatever its file says of them."""
     of = {m.camera: m for m in by}
 
     def there(camera: Camera) -> Camera:

@@ -3,6 +3,8 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from analysis.gap.binned import Binning, binned_camera, binning_of, times_binned
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding
 from analysis.gap.expected import expected
 from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
-from analysis.gap.matrices import Matrix
+from analysis.gap.matrices import Matrix, without_declared
 from analysis.gap.own_pixels import notes, of_own_pixels
 from analysis.gap.raw import raw, tells_its_pixels
 from interchange.camera import Camera, Lens
@@ -22,7 +24,8 @@ from interchange.formats import captures as captures_file
 from interchange.formats.document import Document, open_scene
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
-from interchange.sensor import Demosaic, Mosaic, Sensor
+from interchange.scene import Scene
+from interchange.sensor import IDENTITY, Demosaic, Mosaic, Sensor
 from tests.analysis.gap_bench import Rig, little_bench, rig_in
 
 SENSOR = Sensor(
@@ -100,8 +103,14 @@ def test_demosaiced_captures_tell_what_pixels_measured(method: Demosaic, mixed: 
         expose(light, replace(CAMERA, sensor=s), rng=np.random.default_rng(3)).pixels
         for s in (plain, processed)
     )
+    camera = replace(CAMERA, sensor=processed)
     capture = Capture("a.png", CAMERA.name, 0.0, CAMERA.t_exp, given)
-    told = raw(capture, replace(CAMERA, sensor=processed))
+    document: Any = SimpleNamespace(
+        scene=lambda time=None: Scene(cameras=(camera,)), stage=None, path=None, problems=[]
+    )
+    before, plainly = without_declared(Captures(Path("c.json"), Path("s.usda"), (capture,)), document)
+    assert plainly.scene().cameras[0].sensor.color_correction == IDENTITY
+    told = raw(before.captures[0], camera)
     assert told.pixels.shape == measured.shape
     assert told.mask is not None
     assert told.mask.sum() == 62 * 94
@@ -230,8 +239,12 @@ def test_a_matrix_is_taken_back_before_the_pixels_are(
     assert d.verification is not None
     assert d.verification.holds
     assert any("went through a colour matrix" in note for note in d.notes)
-    sensor = open_scene(colours.folder / "mixed" / d.corrected_scene).scene().cameras[0].sensor
-    assert sensor.color_correction == pytest.approx(rows.ravel())
+    corrected = open_scene(colours.folder / "mixed" / d.corrected_scene)
+    assert corrected.scene().cameras[0].sensor.color_correction == pytest.approx(rows.ravel())
+    monkeypatch.undo()
+    again = replace(colours, document=corrected).diagnosed(mixed, "again", binning=2, reflected=False)
+    assert again.diagnosis.verdict == "none"
+    assert again.diagnosis.gap.before < 1.1
 
 
 def test_what_cannot_be_is_told(colours: Rig, tmp_path: Path) -> None:

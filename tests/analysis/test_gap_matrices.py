@@ -117,8 +117,8 @@ def test_captures_are_as_they_were_before(bits: int) -> None:
     ]
     plain, mixed = (np.rint(x) if bits == 8 else x for x in pixels)
     capture = Capture("a.png", CAMERA.name, 0.0, CAMERA.t_exp, mixed.astype(np.float32), bits=bits)
-    conditions: Sequence[Any] = [SimpleNamespace(camera=camera)]
-    (back,) = unmixed(Captures(Path("c.json"), Path("s.usda"), (capture,)), conditions, [FOUND]).captures
+    given = Captures(Path("c.json"), Path("s.usda"), (capture,))
+    (back,) = unmixed(given, {CAMERA.name: camera}, [FOUND]).captures
     assert back.mask is not None
     assert 0.3 < back.mask.mean() < 1
     assert not back.mask[mixed.max(axis=2) >= 0.95 * (2**bits - 1)].any()
