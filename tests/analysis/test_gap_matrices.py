@@ -53,7 +53,6 @@ def _condition(dn: np.ndarray, by: np.ndarray, camera: Camera = CAMERA) -> Any:
         camera=camera,
         mean=mean,
         compared=there,
-        above_zero=mean.min(axis=2) > 20,
         simulated=lambda: SimpleNamespace(dn=simulated),
     )
 
@@ -92,6 +91,17 @@ def test_a_curve_that_is_not_known_is_no_matrix(gamma: float) -> None:
     for c in plain:
         c.mean = curve.output(c.mean, 12, BLACK)
     assert matrices(plain) == []
+
+
+@pytest.mark.parametrize("colours", [3, 5, 16])
+def test_one_paint_that_is_off_is_no_matrix(colours: int) -> None:
+    """Of few colours a matrix would explain it."""
+    conditions: Sequence[Any] = [_condition(_patches(k, colours), np.eye(3)) for k in range(4)]
+    for c in conditions:
+        c.mean[30:60, 40:80] = (c.mean[30:60, 40:80] - BLACK) * [1.4, 0.7, 0.9] + BLACK
+    for c in conditions if colours < 16 else []:
+        c.mean[:30, 40:80] = (c.mean[:30, 40:80] - BLACK) * [1.4, 0.7, 0.9] + BLACK
+    assert matrices(conditions) == []
 
 
 def test_what_sensors_do_is_no_matrix() -> None:
