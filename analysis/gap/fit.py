@@ -32,7 +32,7 @@ from analysis.gap.parallel import each, one_thread
 from analysis.gap.rivals import beside_rivals
 from analysis.gap.saturation_terms import saturation_terms
 from analysis.gap.scales import shares, told_apart
-from analysis.gap.search import Search, Told
+from analysis.gap.search import Passed, Search, Told
 from analysis.gap.sensitivities import Sensitivities
 from analysis.gap.severity import severities
 from analysis.gap.stand import Stand
@@ -221,22 +221,23 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     none = next(h for h in first.hypotheses if not h.causes)
     hoped = _gain(first)
 
-    passed: set[frozenset[Cause]] = set()
+    passed: Passed = {}
+    stands: list[Stand] = []
+    astray: list[Stand] = []
     alone = search.alone(first)
     if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
         stand = search.followed(first, alone, "fit 1", passed=passed)
         if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
             return [stand]
+        (stands if stand.is_its_own else astray).append(stand)
     moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
     starts = [*moves, *search.starts(first)]
-    stands: list[Stand] = []
-    astray: list[Stand] = []
     for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
         causes, what = start.hypothesis.causes, f"fit {k + 1}"
         if any(set(causes) == set(s.best.causes) for s in stands):
             continue  # another start came here
         if start not in moves:
-            if frozenset(causes) in passed and (stands or astray):
+            if frozenset(causes) in passed:
                 continue  # and this one came by, and went on
             stand = search.followed(first, start, what, stands, passed=passed)
         else:  # where it is all, or nearly, other starts are of a registration that hides it

@@ -41,7 +41,8 @@ SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
-SETTLED = 0.05  # of a number: a smaller change needs no new linearisation
+SETTLED = 0.05  # of what a cause changes in the images: a smaller change needs no new linearisation
+Passed = dict[frozenset[Cause], list[np.ndarray]]  # where hypotheses of these causes were linearised
 
 
 class Search:
@@ -196,24 +197,23 @@ class Search:
         what: str,
         known: Sequence[Stand] = (),
         rounds: int = ROUNDS,
-        passed: set[frozenset[Cause]] | None = None,
+        passed: Passed | None = None,
     ) -> Stand:
         """Linearised where the hypothesis stands, until the best one there is the one that it was linearised at, or one
-        of ``known`` stands there already, and better; or it comes round to where it has been, which is given by the
-        last stand of its own. ``passed`` is told the causes that it was linearised at."""
+        of ``known`` stands there already, and better; or it comes round to where it has been, or to where another was
+        that ``passed`` knows, which is given by the last stand of its own. ``passed`` is told where it was linearised.
+        """
         stand, best, at = first, start.hypothesis, start.at
         theta = stand.evidence.theta(best)[: self.q]
         kept = dict(first.kept)
-        been: dict[frozenset[Cause], np.ndarray] = {}
+        passed = {} if passed is None else passed
         own: Stand | None = None
-        for _ in range(rounds):
+        for k in range(rounds):
             members = {c: stand.evidence.members[c] for c in best.causes}
-            causes = frozenset(best.causes)
-            if causes in been and not self.moved(members, at, been[causes], stand.evidence.spike):
+            been = passed.setdefault(frozenset(best.causes), [])
+            if k and any(not moved(members, at, x, stand.evidence.e.G, stand.evidence.spike) for x in been):
                 return stand if own is None else own
-            been[causes] = at
-            if passed is not None:
-                passed.add(causes)
+            been.append(at)
             theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before = best
@@ -222,7 +222,7 @@ class Search:
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]
             at = self.start_of(best, stand)
-            settled = not self.moved(members, at, stand.at, stand.evidence.spike)
+            settled = not moved(members, at, stand.at, stand.evidence.e.G, stand.evidence.spike)
             if best.causes == before.causes and settled:
                 break
             if any(k.best.causes == best.causes and k.best.score > stand.best.score for k in known):
@@ -251,7 +251,7 @@ class Search:
         redrawn = {place[i] for i in place if i in bent or self.terms[i].kind == "flow"}
         near = {name: s.of(own) for name, s in kept.items()}
         best, step, aim = -np.inf, 1.0, at
-        here, spike = at, np.zeros(self.q)
+        here, local = at, {c: np.array([place[int(i)] for i in index]) for c, index in members.items()}
         for _ in range(REFINEMENTS):
             parts, near = self.linearised(self.model(at, at), terms, at[own], near, redrawn)
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
@@ -264,19 +264,11 @@ class Search:
                 continue
             best, step, here = found.score, 1.0, at
             before, theta = theta, np.zeros(self.q)
-            theta[own], spike[own] = there.theta(found), there.spike
+            theta[own] = there.theta(found)
             at = aim = self.start(members, theta)
-            if not self.moved(members, theta, before, spike):
+            if not moved(local, theta[own], before[own], there.e.G, there.spike):
                 break
         return theta, here, best
-
-    def moved(
-        self, members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, spike: np.ndarray
-    ) -> bool:
-        """Whether a number of the causes is no longer what it was."""
-        off = np.abs(now[: self.q] - before[: self.q])
-        near = np.maximum(spike[: self.q], SETTLED * np.abs(now[: self.q]))
-        return any(bool((off[i] > near[i]).any()) for i in members.values())
 
     def start(self, members: dict[Cause, np.ndarray], theta: np.ndarray) -> np.ndarray:
         """Where the next linearisation stands: all that moves the image, and the terms of the causes that the chain or
@@ -392,3 +384,16 @@ class Search:
         evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
         self.widths.first(evidence.spike[: self.q])
         return Stand(tuple(every), at, evidence, parts, tuple(best_first(evidence)), now)
+
+
+def moved(
+    members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, G: np.ndarray, spike: np.ndarray
+) -> bool:
+    """Whether the numbers of a cause give other images than they did: by more than a part of what it changes, and more
+    than each may be off by anyway. Two that give the same images, one for the other, have not moved."""
+    for index in members.values():
+        own, off = G[np.ix_(index, index)], now[index] - before[index]
+        least = np.max(spike[index] ** 2 * np.diag(own), initial=0.0)
+        if off @ own @ off > max(SETTLED**2 * (now[index] @ own @ now[index]), least):
+            return True
+    return False

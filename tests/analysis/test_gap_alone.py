@@ -35,9 +35,9 @@ def test_one_that_gains_less_than_half_is_not_all(gain: float, best: tuple[str, 
 def test_a_start_that_another_came_by_is_not_followed_again() -> None:
     followed = []
 
-    def follow(first: Any, start: Any, *rest: Any, passed: set[Any]) -> Any:
+    def follow(first: Any, start: Any, *rest: Any, passed: dict[Any, Any]) -> Any:
         followed.append(start.hypothesis.causes)
-        passed |= {frozenset({WORKPIECE}), frozenset({CAMERA})}
+        passed |= {frozenset({WORKPIECE}): [], frozenset({CAMERA}): []}
         return _stand(WORKPIECE, 300.0)
 
     starts = [

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.gap.search import Search
+from analysis.gap.search import Passed, Search, moved
 from analysis.gap.stand import Start
 
 A, B = ("vignetting", ""), ("defocus", "")
@@ -41,7 +41,9 @@ class Made(Search):
 
     def found(self, best: Any, in_force: frozenset[tuple[str, str]], at: np.ndarray) -> Any:
         members = {A: np.array([0]), B: np.array([0])}
-        evidence = SimpleNamespace(members=members, theta=lambda h: np.zeros(1), spike=np.zeros(1))
+        evidence = SimpleNamespace(
+            members=members, theta=lambda h: np.zeros(1), spike=np.zeros(1), e=SimpleNamespace(G=np.eye(1))
+        )
         own = in_force <= set(best.causes)
         return SimpleNamespace(best=best, evidence=evidence, at=at, kept={}, is_its_own=own)
 
@@ -52,11 +54,30 @@ def test_what_comes_round_ends_at_the_last_stand_of_its_own(places: list[float],
     has gone on it does."""
     search = Made({frozenset({A}): hypothesis(A, B), frozenset({A, B}): hypothesis(A)}, places)
     first = search.found(hypothesis(A), frozenset(), np.array([1.0]))
-    passed: set[Any] = set()
+    passed: Passed = {}
     there = search.followed(first, Start(hypothesis(A), np.array([1.0])), "fit", passed=passed)
     assert len(search.stood) == stands
     assert there.best.causes == (A, B)
-    assert passed == {frozenset({A}), frozenset({A, B})}
+    assert set(passed) == {frozenset({A}), frozenset({A, B})}
+
+
+def test_what_comes_to_where_another_was_ends_there() -> None:
+    """From another start it came to the same causes at the same place: that was followed already."""
+    search = Made({frozenset({B}): hypothesis(A), frozenset({A}): hypothesis(A)}, [1.0])
+    first = search.found(hypothesis(B), frozenset(), np.array([1.0]))
+    passed: Passed = {frozenset({A}): [np.array([1.0])]}
+    there = search.followed(first, Start(hypothesis(B), np.array([1.0])), "fit", passed=passed)
+    assert search.stood == [frozenset({B})]
+    assert not there.is_its_own
+
+
+@pytest.mark.parametrize(("before", "gone"), [([1.0, 1.2], False), ([1.2, 1.2], True)])
+def test_numbers_that_give_the_same_images_have_not_moved(before: list[float], gone: bool) -> None:
+    """Both change the images alike: the sum counts, and one of them a fifth larger for another as much less is
+    nothing."""
+    G = np.array([[1.0, 0.999], [0.999, 1.0]])
+    now = np.array([1.2, 1.0])
+    assert moved({A: np.array([0, 1])}, now, np.array(before), G, np.zeros(2)) is gone
 
 
 def test_what_stays_ends_where_it_is() -> None:
