@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.gap.attribution import called, lacking, without
+from analysis.gap.attribution import called, lacking
 from analysis.gap.caution import left_over
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
@@ -53,7 +53,7 @@ def confirmed(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
         fewer = best.of([c for c in best.causes if c != worst])
         fitted = replace(
             fitted,
-            after=without(fitted, [worst]) if fewer.causes else fitted.before,
+            after=lacking(fitted, [worst]) if fewer.causes else fitted.before,
             hypotheses=(fewer, *fitted.hypotheses),
             probability={**fitted.probability, worst: 0.0},
             refuted=(*fitted.refuted, worst),

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.gap.conditions import Condition
+from analysis.gap.parallel import each
 from interchange.camera import Camera
 from interchange.effects.response_curve import ResponseCurve
 from interchange.scene import Scene
@@ -49,7 +50,8 @@ def encoded(found: Sequence[Condition]) -> list[Screen]:
     for c in found:
         if is_linear(c.camera.sensor):
             cameras.setdefault(c.camera.name, []).append(c)
-    return [Screen(name, off) for name, own in cameras.items() if (off := _black_off(own)) is not None]
+    told = each(_black_off, cameras.values())
+    return [Screen(name, off) for name, off in zip(cameras, told, strict=True) if off is not None]
 
 
 def is_linear(sensor: Sensor) -> bool:

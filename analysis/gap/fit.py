@@ -24,7 +24,7 @@ from analysis.gap.knot_terms import knot_terms
 from analysis.gap.knots import Knots
 from analysis.gap.light_terms import light_terms, shaded
 from analysis.gap.lines import left_of_lines
-from analysis.gap.material_terms import material_terms
+from analysis.gap.material_terms import material_terms, patterns
 from analysis.gap.model import Model
 from analysis.gap.normal_equations import NormalEquations, total_of
 from analysis.gap.numbers import numbers
@@ -36,7 +36,7 @@ from analysis.gap.search import Passed, Search, Told
 from analysis.gap.sensitivities import Sensitivities
 from analysis.gap.severity import severities
 from analysis.gap.stand import Stand
-from analysis.gap.terms import Cause, Term
+from analysis.gap.terms import Cause, Field, Term
 from analysis.gap.turned import alike
 from interchange.captures import Tolerances
 
@@ -137,7 +137,8 @@ def fit(
     without it those that need that are not tried. ``redraw`` renders conditions anew where something stands far from
     where the scene has it, with the light that goes by way of other surfaces, and with what lies beyond the frame."""
     both = (tolerances, told_apart(tolerances))
-    terms, apart = each(lambda t: tuple(_terms(conditions, t, knots)), both)
+    shared = patterns(conditions)
+    terms, apart = each(lambda t: tuple(_terms(conditions, t, knots, shared)), both)
     parts = shares(terms, apart)
     search = Search(conditions, terms, knots, told, parts)
     told("registration", 0.0)
@@ -239,7 +240,10 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
         if start not in moves:
             if frozenset(causes) in passed:
                 continue  # and this one came by, and went on
+            before = set(passed)
             stand = search.followed(first, start, what, stands, passed=passed)
+            if not stand.is_its_own and stands and frozenset(stand.best.causes) in before:
+                return stands  # from elsewhere it comes to where another did
         else:  # where it is all, or nearly, other starts are of a registration that hides it
             stand = search.followed(first, start, what, stands, 1)
             both = search.beside(first, start, stand)
@@ -327,11 +331,16 @@ def _where_it_stands(search: Search, stand: Stand) -> Callable[[Hypothesis], Mod
     return model
 
 
-def _terms(conditions: Sequence[Condition], tolerances: Tolerances, knots: Knots | None) -> list[Term]:
+def _terms(
+    conditions: Sequence[Condition],
+    tolerances: Tolerances,
+    knots: Knots | None,
+    shared: dict[str, list[Field]],
+) -> list[Term]:
     return [
         *geometry_terms(conditions, tolerances),
         *light_terms(conditions, tolerances),
-        *material_terms(conditions, tolerances),
+        *material_terms(conditions, tolerances, shared),
         *(
             knot_terms(conditions, tolerances, knots)
             if knots is not None

@@ -40,18 +40,28 @@ BODY = 0.5
 BLUR_PX = 1.5  # of the step that translucency is told by
 
 
-def material_terms(conditions: Sequence[Condition], tolerances: Tolerances) -> list[Term]:
-    """Of materials that cover enough of some image and show their body more than what it mirrors."""
+def patterns(conditions: Sequence[Condition]) -> dict[str, list[Field]]:
+    """Of materials that cover enough of some image and show their body more than what it mirrors, what several views
+    share."""
     seen_of = covered(conditions, "material_id")
     materials = {b.material.name: b.material for c in conditions for b in c.shown.scene.bodies}
     chosen = [n for n, k in seen_of.items() if k >= LEAST_PIXELS and matte_share(materials[n].brdf) > BODY]
+    return pattern_fields(conditions, chosen)
+
+
+def material_terms(
+    conditions: Sequence[Condition], tolerances: Tolerances, shared: dict[str, list[Field]] | None = None
+) -> list[Term]:
+    """Of the materials of ``patterns``; ``shared``: those, where they are known, as no tolerance changes them."""
+    shared = patterns(conditions) if shared is None else shared
+    seen_of, chosen = covered(conditions, "material_id"), list(shared)
     spike = UNEVEN * tolerances.albedo / np.sqrt(len(WAVES))
     terms = [
         Term("texture", name, word, "1", spike, _wave(name, i, j))
         for name in chosen
         for word, (i, j) in WAVES.items()
     ]
-    seen, shared = parts(conditions, chosen), pattern_fields(conditions, chosen)
+    seen = parts(conditions, chosen)
     for name in chosen:
         step = _blur_mm(conditions, name)
         if seen_of[name] >= LARGE_PIXELS:

@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Estimate
 from analysis.gap.expected import SATURATED
+from analysis.gap.parallel import each
 from analysis.gap.taken import Taken
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
@@ -77,7 +78,8 @@ def matrices(found: Sequence[Condition]) -> list[Matrix]:
     for c in found:
         if c.camera.sensor.color_correction == IDENTITY and c.mean.shape[2] == 3:
             cameras.setdefault(c.camera.name, []).append(c)
-    return [m for name, own in cameras.items() if (m := _matrix(name, _together([_cells(c) for c in own])))]
+    told = each(lambda name: _matrix(name, _together([_cells(c) for c in cameras[name]])), cameras)
+    return [m for m in told if m is not None]
 
 
 def numbers(by: Sequence[Matrix], before: Mapping[str, Estimate]) -> dict[str, Estimate]:

@@ -38,6 +38,7 @@ FAR = 1.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
+WAVERS = 0.002  # of what a hypothesis gains: as much comes of weights that are another place's
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
@@ -256,7 +257,8 @@ class Search:
             parts, near = self.linearised(self.model(at, at), terms, at[own], near, redrawn)
             there = Evidence(total_of(parts), terms, spikes=self.widths.of(own))
             found = there.best(causes, {}) if set(causes) <= set(there.members) else None
-            if found is None or found.score < best:  # too far: half the way from where it was better
+            wavers = WAVERS * (found.score - there.best((), {}).score) if found else 0.0
+            if found is None or found.score < best - wavers:  # too far: half the way from where it was better
                 step /= 2
                 if step < SHORTEST:
                     break
