@@ -146,18 +146,18 @@ def growth(shown: Rendered, others: Sequence[Rendered]) -> Growth:
     h, w = -(-shown.rest.shape[0] // n), -(-shown.rest.shape[1] // n)
     surface, normal = (_padded(x, n) for x in (surfaces(shown.passes), shown.passes["normal"]))
     K = _kernel(seen)
-    out: Growth = {}
+    told: dict[tuple[str, str], np.ndarray] = {}
     for lamp in shown.indirect:
         s = _depends(K, seen, lamp, len(names))[: len(own.place)]
         chosen = np.flatnonzero(s.max(axis=(0, 2), initial=0.0) >= LEAST)
-        if not len(chosen):
-            continue
-        coarse = np.zeros((h * w, len(chosen) * 3), np.float32)
-        coarse[own.place] = s[:, chosen].reshape(len(s), -1)
-        fine = finely(coarse.reshape(h, w, -1), surface, normal)[: shown.rest.shape[0], : shown.rest.shape[1]]
-        fine = np.rint(np.clip(fine / STEP, 0, 255)).astype(np.uint8)
-        out |= {(lamp, names[m]): fine[..., 3 * k : 3 * k + 3].copy() for k, m in enumerate(chosen)}
-    return out
+        told |= {(lamp, names[m]): s[:, m] for m in chosen}
+    if not told:
+        return {}
+    coarse = np.zeros((h * w, len(told) * 3), np.float32)
+    coarse[own.place] = np.concatenate(list(told.values()), axis=1)
+    fine = finely(coarse.reshape(h, w, -1), surface, normal)[: shown.rest.shape[0], : shown.rest.shape[1]]
+    fine = np.rint(np.clip(fine / STEP, 0, 255)).astype(np.uint8)
+    return {key: fine[..., 3 * k : 3 * k + 3].copy() for k, key in enumerate(told)}
 
 
 def _seen(own: Blocks, shown: Rendered, others: Sequence[Rendered]) -> Blocks:

@@ -41,17 +41,19 @@ def finely(planes: np.ndarray, surface: np.ndarray, normal: np.ndarray) -> np.nd
     total = np.zeros((len(rows), channels), np.float32)
     weight = np.zeros(len(rows), np.float32)
     own, faces = surface[rows, columns], facing[rows, columns]
+    y, x = (((place + 0.5) / n - 0.5).astype(np.float32) for place in (rows, columns))
     for dv in range(-REACH, REACH + 1):
         for du in range(-REACH, REACH + 1):
             v, u = rows // n + dv, columns // n + du
             there = (v >= 0) & (v < h) & (u >= 0) & (u < w)
+            away = (y - v.astype(np.float32)) ** 2 + (x - u.astype(np.float32)) ** 2
             v, u = v.clip(0, h - 1), u.clip(0, w - 1)
-            away = ((rows + 0.5) / n - v - 0.5) ** 2 + ((columns + 0.5) / n - u - 0.5) ** 2
-            share = np.exp(-0.5 * away / NEAR**2 - FACING * (1 - (faces * way[v, u]).sum(axis=1)))
+            alike = np.einsum("nk,nk->n", faces, way[v, u])
+            share = np.exp(np.float32(-0.5 / NEAR**2) * away - np.float32(FACING) * (1 - alike))
             share *= there & (own == whose[v, u])
-            share *= np.where(alone[v, u], 1, MIXED)
-            total += share.astype(np.float32)[:, None] * planes[v, u]
-            weight += share.astype(np.float32)
+            share *= np.where(alone[v, u], np.float32(1), np.float32(MIXED))
+            total += share[:, None] * planes[v, u]
+            weight += share
     seen = weight > 0
     out[rows[seen], columns[seen]] = total[seen] / weight[seen, None]
     mean = out.reshape(h, n, w, n, channels).mean(axis=(1, 3))

@@ -171,7 +171,7 @@ class Ladder:
         if not np.isfinite(there):
             return there
         around = [place | {name: k} for name in self.judged for k in STEPS]
-        rungs = np.reshape(each(lambda at: self.scores(at, [i])[0] - there, around), (-1, len(STEPS)))
+        rungs = np.reshape([self.scores(at, [i])[0] - there for at in around], (-1, len(STEPS)))
         return there + float(np.logaddexp.reduce(rungs, axis=1).sum())
 
 
@@ -203,7 +203,8 @@ def averaged(
     place = {name: FACTORS.index(factors.get(name, 1.0)) for name in ladder.judged}
     best = hypotheses[0]
     near = [h for h in ladder.lead if h.score > best.score - NEAR or set(h.causes) < set(best.causes)]
-    gain = {h: ladder.averaged(place, ladder.lead.index(h)) - h.score for h in near}
+    scores = each(lambda h: ladder.averaged(place, ladder.lead.index(h)), near)
+    gain = {h: x - h.score for h, x in zip(near, scores, strict=True)}
     gain = {h: x for h, x in gain.items() if np.isfinite(x)}  # else below what its terms may be
     if best not in gain:
         return tuple(hypotheses)
