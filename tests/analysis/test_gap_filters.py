@@ -227,7 +227,7 @@ def test_a_matrix_is_taken_back_before_the_pixels_are(
         ),
     )
     found = Matrix(captures.captures[0].camera, rows, (0.005,) * 6)
-    monkeypatch.setattr("analysis.gap.diagnose.matrices", lambda conditions: [found])
+    monkeypatch.setattr("analysis.gap.beforehand.matrices", lambda conditions: [found])
     d = colours.diagnosed(mixed, "mixed", binning=2, reflected=False).diagnosis
     of = {e.name: e for e in d.effects}
     assert set(of) == {"white_balance", "color_crosstalk"}

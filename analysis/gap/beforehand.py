@@ -1,0 +1,137 @@
+"""What is told of captures before anything is fitted, and the captures without it: pixels that are taken together, a
+screen's curve and a colour matrix that the scene file does not say.
+
+What is left is fitted; what was taken back is in the verdict as effects that are known, and in the corrected scene.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from analysis.gap.binned import Binning, binned_captures, binning_of
+from analysis.gap.code_findings import with_steps
+from analysis.gap.conditions import Condition, conditions, must_fit
+from analysis.gap.diagnosis import Edges, Estimate, Finding
+from analysis.gap.encoded import GROUNDS, Screen, as_encoded, encoded, is_linear, on_scene
+from analysis.gap.findings import CROSSTALK, CURVE, SCREEN, Known, with_known
+from analysis.gap.matrices import GROUNDS as MIXED
+from analysis.gap.matrices import (
+    Matrix,
+    as_mixed,
+    matrices,
+    numbers,
+    unmixed,
+    with_matrices,
+    without_declared,
+)
+from analysis.gap.mosaics import must_say_its_mosaic
+from analysis.gap.overlap import must_overlap, with_files_bits
+from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
+from analysis.gap.own_pixels import notes as notes_on_pixels
+from analysis.gap.radiance import Rendered
+from analysis.gap.verdict import Verdict, against
+from interchange.camera import Camera
+from interchange.captures import Captures
+from interchange.formats.document import Document
+from interchange.scene import Scene
+
+Drawn = Callable[[Sequence[Condition]], Sequence[Rendered]]
+
+
+@dataclass(frozen=True, eq=False)
+class Beforehand:
+    """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
+    together. ``document``: of what is fitted; ``screens`` and ``mixed``: the cameras whose captures follow a curve or
+    went through a matrix; ``said``: cameras by their conditions' names, as the scene file has them."""
+
+    captures: Captures
+    document: Document
+    conditions: tuple[Condition, ...]
+    own: Captures
+    by: Binning
+    screens: tuple[Screen, ...]
+    mixed: tuple[Matrix, ...]
+    said: dict[str, Camera]
+
+    def scene(self, scene: Scene) -> Scene:
+        """A scene of the sensors' own pixels as what was fitted says it."""
+        return with_matrices(on_scene(self.by.on_scene(scene), self.screens), self.mixed)
+
+    def known(self, v: Verdict, held: Sequence[Condition]) -> tuple[Verdict, list[Known]]:
+        """The verdict against the file as written, and the effects that are between that and what was fitted to.
+        ``held``: the conditions that were held out."""
+        known = []
+        if self.mixed:
+            least = v.gap.before**2
+            v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])
+            cameras = self._alone([m.camera for m in self.mixed])
+            known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, cameras))
+        if self.screens:
+            least, curved = v.gap.before**2, {s.camera for s in self.screens}
+            written = [replace(c, camera=self.said[c.name]).simulated().dn for c in held]
+            v = against(
+                v,
+                [
+                    dn if c.camera.name in curved else as_mixed(c, dn, self.mixed)
+                    for c, dn in zip(held, written, strict=True)
+                ],
+            )
+            curve, cameras = {SCREEN: Estimate(1.0, 0.0, "1")}, self._alone(sorted(curved))
+            known.append(Known(CURVE, curve, GROUNDS, v.gap.before**2 - least, cameras))
+        return v, known
+
+    def with_known(self, found: Sequence[Finding], known: Sequence[Known], v: Verdict) -> list[Finding]:
+        """What was found, with what was known."""
+        out = list(found)
+        for k in known:
+            if k.name == CROSSTALK:  # with what the fit adds to it
+                more = next((f.parameters for f in out if f.name == CROSSTALK), {})
+                k = replace(k, parameters=numbers(self.mixed, more))
+            out = with_known(out, k, v.gap)
+        return out
+
+    def of_own_pixels(
+        self, found: Sequence[Finding], edges: Edges | None
+    ) -> tuple[list[Finding], Edges | None]:
+        """Findings and edges in the sensors' own pixels."""
+        if self.by.n == 1:
+            return list(found), edges
+        return [of_own_pixels(f, self.by) for f in found], edges and edges_of_own_pixels(edges, self.by)
+
+    @property
+    def notes(self) -> list[str]:
+        return notes_on_pixels(self.own, self.by)
+
+    def _alone(self, own: Sequence[str]) -> tuple[str, ...]:
+        """The cameras that have something, where others have not."""
+        return tuple(own) if {c.camera.name for c in self.conditions} - set(own) else ()
+
+
+def beforehand(captures: Captures, document: Document, binning: int, drawn: Drawn) -> Beforehand:
+    """``drawn`` renders conditions; ``binning``: pixels across that are taken as one. Raises BrightfieldError where
+    captures and scene do not belong together."""
+    must_fit(captures, document)
+    own, unbinned = without_declared(captures, document)
+    must_say_its_mosaic(own, unbinned.scene())
+    by = binning_of(own, unbinned, binning)
+
+    def taken(of: Captures) -> tuple[Captures, Document]:
+        return (binned_captures(of, unbinned, by), by.document(unbinned)) if by.n > 1 else (of, unbinned)
+
+    captures, document = taken(own)
+    found = with_steps(with_files_bits(conditions(captures, document)))
+    rendered = drawn(found)
+    whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+    must_overlap(whole)
+    screens = encoded(whole)
+    linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
+    as_taken = as_encoded(whole, screens)
+    mixed = matrices([c for c in as_taken if c.camera.name in linear])
+    if mixed:
+        pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
+        captures, document = taken(pure)
+        found = with_steps(with_files_bits(conditions(captures, document)))
+        whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+    said = {c.name: c.camera for c in whole}
+    return Beforehand(
+        captures, document, tuple(as_encoded(whole, screens)), own, by, tuple(screens), tuple(mixed), said
+    )
