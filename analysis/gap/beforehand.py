@@ -15,6 +15,7 @@ from analysis.gap.encoded import GROUNDS, Screen, as_encoded, encoded, is_linear
 from analysis.gap.findings import CROSSTALK, CURVE, SCREEN, Known, with_known
 from analysis.gap.matrices import GROUNDS as MIXED
 from analysis.gap.matrices import (
+    WORDS,
     Matrix,
     as_mixed,
     matrices,
@@ -64,7 +65,7 @@ class Beforehand:
             least = v.gap.before**2
             v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])
             cameras = self._alone([m.camera for m in self.mixed])
-            known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, cameras))
+            known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, cameras, WORDS))
         if self.screens:
             least, curved = v.gap.before**2, {s.camera for s in self.screens}
             written = [replace(c, camera=self.said[c.name]).simulated().dn for c in held]

@@ -64,12 +64,13 @@ class Finding:
     cameras: tuple[str, ...] = ()  # those that alone have it; none where all have
     targets: tuple[str, ...] = ()  # lamps, materials or objects that it is about, where it is about some
     grounds: str = ""  # of what was known before anything was fitted
+    words: str = ""  # for it, where its name alone says too little
 
     @property
     def called(self) -> str:
         """ "vignetting of Camera1", "albedo of paint and tin", "light position of all lamps"."""
         of = " and ".join(self.cameras or self.targets)
-        return self.name.replace("_", " ") + (f" of {of}" if of else "")
+        return (self.words or self.name.replace("_", " ")) + (f" of {of}" if of else "")
 
     @property
     def tied(self) -> tuple[str, ...]:

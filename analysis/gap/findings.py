@@ -125,13 +125,14 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
 @dataclass(frozen=True)
 class Known:
     """An effect that was known before anything was fitted, by these ``grounds``: it has taken ``taken_off`` off the
-    mean χ². ``cameras``: those that alone have it."""
+    mean χ². ``cameras``: those that alone have it; ``words`` for it, where its name says too little."""
 
     name: str
     parameters: dict[str, Estimate]
     grounds: str
     taken_off: float
     cameras: tuple[str, ...]
+    words: str = ""
 
 
 def with_known(findings: Sequence[Finding], known: Known, shrunk: Gap) -> list[Finding]:
@@ -141,7 +142,7 @@ def with_known(findings: Sequence[Finding], known: Known, shrunk: Gap) -> list[F
     cameras = tuple(map(called, known.cameras))
     own = Finding(
         known.name, SURE, known.parameters, (), None, shrunk.before, shrunk.after, share, cameras,
-        grounds=known.grounds,
+        grounds=known.grounds, words=known.words,
     )  # fmt: skip
     for f in findings:
         if f.name == known.name:

@@ -52,6 +52,7 @@ GROUNDS = (
     "Colours of a camera's captures follow from those simulated by one matrix that takes light of other channels off, "
     "which no sensor does: it was taken back before anything was fitted."
 )
+WORDS = "colour matrix (color crosstalk)"
 BESIDE = ~np.eye(3, dtype=bool)  # the diagonal
 NAMES = ("rg", "rb", "gr", "gb", "br", "bg")  # of ColorCrosstalk, in the order of a matrix's rows
 # colours simulated and captured over the light simulated, and weights of each channel, (n, 3); below 0 where it was cut

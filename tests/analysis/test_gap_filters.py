@@ -16,6 +16,7 @@ from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_throug
 from analysis.gap.matrices import Matrix, without_declared
 from analysis.gap.own_pixels import notes, of_own_pixels
 from analysis.gap.raw import raw, tells_its_pixels
+from analysis.gap.report_words import sentence
 from interchange.camera import Camera, Lens
 from interchange.captures import Capture, Captures
 from interchange.effects.white_balance import WhiteBalance
@@ -239,6 +240,7 @@ def test_a_matrix_is_taken_back_before_the_pixels_are(
     assert d.verification is not None
     assert d.verification.holds
     assert any("went through a colour matrix" in note for note in d.notes)
+    assert "colour matrix (color crosstalk)" in sentence(d)
     corrected = open_scene(colours.folder / "mixed" / d.corrected_scene)
     assert corrected.scene().cameras[0].sensor.color_correction == pytest.approx(rows.ravel())
     monkeypatch.undo()
