@@ -21,6 +21,7 @@ from scipy.linalg import eigh
 
 from analysis.gap.caution import wider
 from analysis.gap.evidence import Evidence
+from analysis.gap.parallel import each
 from analysis.gap.terms import Cause
 
 SURE = 0.9
@@ -49,12 +50,10 @@ def detectable(
     evidence: Evidence, declared: np.ndarray, strength: Mapping[Cause, np.ndarray]
 ) -> tuple[Detectable, ...]:
     """Every effect with a name, the easiest first. ``declared`` (q,): spikes as declared. ``strength``: M of causes."""
+    named = [c for c, index in evidence.members.items() if not evidence.terms[index[0]].generic]
     found: dict[str, list[Detectable]] = {}
-    for cause, index in evidence.members.items():
-        if not evidence.terms[index[0]].generic:
-            found.setdefault(cause[0], []).append(
-                Detectable(cause, *_severities(evidence, declared, cause, strength[cause]))
-            )
+    for d in each(lambda c: Detectable(c, *_severities(evidence, declared, c, strength[c])), named):
+        found.setdefault(d.cause[0], []).append(d)
     told = [_together(targets) for targets in found.values()]
     return tuple(sorted(told, key=lambda d: d.easiest))
 

@@ -335,7 +335,7 @@ def _terms(
     conditions: Sequence[Condition],
     tolerances: Tolerances,
     knots: Knots | None,
-    shared: dict[str, list[Field]],
+    shared: dict[str, list[Field]] | None = None,
 ) -> list[Term]:
     return [
         *geometry_terms(conditions, tolerances),

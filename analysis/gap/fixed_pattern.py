@@ -17,6 +17,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import noise_variance
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
+from analysis.gap.parallel import each
 
 NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.float32) / 8
 KEPT = 9 / 8  # h: variance of white noise less the mean of its neighbours
@@ -40,8 +41,9 @@ def fixed_pattern(conditions: Sequence[Condition], simulations: Sequence[np.ndar
     if not pairs:
         return None
     pairs = [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), MOST_PAIRS)).astype(int)]
-    left = {i: _white(conditions[i], simulations[i]) for i in {i for pair in pairs for i in pair}}
-    total = np.sum([_block_sums(conditions, left, a, b) for a, b in pairs], axis=0)
+    seen = sorted({i for pair in pairs for i in pair})
+    left = dict(zip(seen, each(lambda i: _white(conditions[i], simulations[i]), seen), strict=True))
+    total = np.sum(each(lambda pair: _block_sums(conditions, left, *pair), pairs), axis=0)
     if (total[:, 0] > 0).sum() < 2:
         return None
     estimate, covariance = _jackknifed(total)
@@ -107,9 +109,9 @@ def _block_sums(
 def _jackknifed(total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """PRNU², DSNU² and their covariance."""
     everything = total.sum(axis=0)
-    each = np.array([_solved(everything - block) for block in total if block[0] > 0])
-    n = len(each)
-    off = each - each.mean(axis=0)
+    fewer = np.array([_solved(everything - block) for block in total if block[0] > 0])
+    n = len(fewer)
+    off = fewer - fewer.mean(axis=0)
     return _possible(everything), (n - 1) / max(n, 1) * off.T @ off + np.diag([1e-16, 1e-8])
 
 

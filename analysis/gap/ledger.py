@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import noise_variance
+from analysis.gap.parallel import each
 from analysis.gap.regions import lamp_shares, light_regions, names_of_ids, zones
 from analysis.gap.state import State
 
@@ -68,21 +69,31 @@ def ledger(
     ``fixed``: what share of Σ e² / σ² goes with the image, the surface and the lamps (``fixed_to``).
     """
     scale = temporal_scale(conditions)
-    sums: dict[tuple[str, str], float] = {}
-    noises: dict[str, float] = {}
-    total, count = 0.0, 0
-    for condition, dn, true in zip(conditions, simulated, best, strict=True):
+
+    def counted(
+        one: tuple[Condition, np.ndarray, np.ndarray],
+    ) -> tuple[float, int, list[tuple[str, str, float]]]:
+        condition, dn, true = one
         ok = condition.usable(condition.simulated())[..., None] & np.ones(dn.shape, bool)
         temporal, pattern = noise_variance(true, condition.camera)
         variance = (temporal + pattern).astype(np.float64)
         noise = np.where(ok, ((scale or 1.0) * temporal + pattern) / variance, 0.0)
+        square = 0.0
+        parts: list[tuple[str, str, float]] = []
         for capture in condition.captures:
             z = np.where(ok, (capture.pixels - dn) / np.sqrt(variance), 0.0)
-            total += float((z**2).sum())
-            count += int(ok.sum())
-            for kind, name, value in _parts(condition, capture.image, z, noise):
-                sums[kind, name] = sums.get((kind, name), 0.0) + value
-                noises[kind] = noises.get(kind, 0.0) + value
+            square += float((z**2).sum())
+            parts += _parts(condition, capture.image, z, noise)
+        return square, len(condition.captures) * int(ok.sum()), parts
+
+    sums: dict[tuple[str, str], float] = {}
+    noises: dict[str, float] = {}
+    total, count = 0.0, 0
+    for square, values, parts in each(counted, zip(conditions, simulated, best, strict=True)):
+        total, count = total + square, count + values
+        for kind, name, value in parts:
+            sums[kind, name] = sums.get((kind, name), 0.0) + value
+            noises[kind] = noises.get(kind, 0.0) + value
     kinds = list(dict.fromkeys(kind for kind, _ in sums))
     shares = [Share(kind, name, value / total) for (kind, name), value in sums.items()]
     shares += [Share(kind, NOISE, 1.0 - noises[kind] / total) for kind in kinds]
