@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.left import EDGED, SCATTERED, SMOOTH
+from analysis.gap.left import BENT, EDGED, SCATTERED, SMOOTH
 from analysis.gap.state import State
 from analysis.gap.subpixel_terms import PRODUCT, across, subpixel
 from analysis.gap.terms import NUISANCE, Field, Term
@@ -34,10 +34,14 @@ SHARES = {  # of the flat field's tolerance; else SMOOTH
     "rolling_shutter": EDGED,
     "veiling_glare": EDGED,
 }
-LEAST = {"veiling_glare": SCATTERED}  # of the signal
+LEAST = {"veiling_glare": SCATTERED, "response_curve": BENT}  # of the signal
 # parts of a lateral chromatic aberration: axes lie near the middle, and magnifications differ by a share; and of a
-# response curve, of which the second term of a smooth deviation is the smaller
-MINOR = {"red_u": 0.2, "red_v": 0.2, "blue_u": 0.2, "blue_v": 0.2, "red3": 0.5, "blue3": 0.5, "skew": 0.5}
+# response curve, of which the second term of a smooth deviation is the smaller, and a power is what files are encoded
+# by, no sensor's
+MINOR = {
+    "red_u": 0.2, "red_v": 0.2, "blue_u": 0.2, "blue_v": 0.2, "red3": 0.5, "blue3": 0.5,
+    "skew": 0.5, "gamma": 0.5,
+}  # fmt: skip
 DELAY = "delay"  # of the exposure
 REDUNDANT = {
     ("white_balance", "green"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.emva import characterise, level
+from analysis.gap.left import BENT
 from composer.cli import main
 from interchange.camera import Camera, Lens, Sensor
 from interchange.exposure import expose
@@ -179,6 +180,18 @@ def test_the_command_writes_a_sensor(tmp_path, capsys):
     assert sensor.bit_depth == 12
     assert pytest.approx(emva_sheet.read(out).get("K")) == sensor.K
     assert sensor.read_noise == pytest.approx(11, abs=0.5)
+
+
+def test_a_response_taken_for_linear_is_nearer_to_a_line_than_the_real_cameras(real):
+    """What a diagnosis lets any response be off a line by is a small part of what this camera's is: 0.21 % rms over the
+    signal by these ten exposures, and 0.36 % by all fifty that were taken."""
+    about, frames = real
+    levels = [level(p.t_exp, p.photons, f) for p, f in frames.items()]
+    found = characterise([v for v in levels if v.photons], [v for v in levels if not v.photons], about.bits)
+    off, signal = found.linearity, found.curve.signal
+    seen = np.isfinite(off)
+    rms = np.sqrt(np.sum((off * signal)[seen] ** 2) / np.sum(signal[seen] ** 2))
+    assert 4 < rms / BENT < 7.2
 
 
 def test_a_simulated_twin_of_the_real_camera_has_its_transfer_curve(real):
