@@ -225,16 +225,24 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
     passed: Passed = {}
     stands: list[Stand] = []
     astray: list[Stand] = []
-    alone = search.alone(first)
-    if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
-        stand = search.followed(first, alone, "fit 1", passed=passed)
-        if stand.best.causes == alone.hypothesis.causes and _gain(stand) > KEPT * hoped:
-            return [stand]
+
+    def kept(stand: Stand) -> None:
         (stands if stand.is_its_own else astray).append(stand)
+
+    alone, by_itself = search.alone(first), None
+    if alone is not None and alone.hypothesis.score - none.score > NEARLY * hoped > 0:
+        by_itself = search.followed(first, alone, "fit 1", passed=passed)
+        if by_itself.best.causes == alone.hypothesis.causes and _gain(by_itself) > KEPT * hoped:
+            return [by_itself]
     moves = search.moves(first) if hoped > WORTH and search.may_move(first.best) else []
     starts = [*moves, *search.starts(first)]
     for k, start in enumerate(starts[: STARTS - len(moves) // 2 if hoped > WORTH else 1]):
         causes, what = start.hypothesis.causes, f"fit {k + 1}"
+        if (
+            start not in moves and by_itself is not None
+        ):  # where a move ends, which begins elsewhere, it says nothing
+            kept(by_itself)
+            by_itself = None
         if any(set(causes) == set(s.best.causes) for s in stands):
             continue  # another start came here
         if start not in moves:
@@ -243,7 +251,7 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             before = set(passed)
             stand = search.followed(first, start, what, stands, passed=passed)
             if not stand.is_its_own and stands and frozenset(stand.best.causes) in before:
-                return stands  # from elsewhere it comes to where another did
+                return stands  # from elsewhere it comes to where another was
         else:  # where it is all, or nearly, other starts are of a registration that hides it
             stand = search.followed(first, start, what, stands, 1)
             both = search.beside(first, start, stand)
@@ -256,12 +264,9 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             single = len(stand.best.causes) == 1 and _clear(first, stand)
             if stand.is_its_own and (stand.best.causes == causes or single):
                 return [*stands, stand]
-        if not stand.is_its_own:
-            astray.append(stand)
-            continue
-        if any(s.best.causes == stand.best.causes for s in stands):
+        if stand.is_its_own and any(s.best.causes == stand.best.causes for s in stands):
             return [*stands, stand]
-        stands.append(stand)
+        kept(stand)
     return stands or astray
 
 

@@ -48,3 +48,22 @@ def test_a_start_that_another_came_by_is_not_followed_again() -> None:
     )
     assert len(_followed(search, _stand(CAMERA, 100.0), False)) == 1
     assert followed == [(WORKPIECE,)]
+
+
+def test_what_stays_behind_by_itself_does_not_keep_a_move_of_the_same_from_being_followed() -> None:
+    """From home the camera ends in a place that is not it, and from where an approach came to it, it is all."""
+    first = _stand(CAMERA, 100.0)
+    start, move = (
+        SimpleNamespace(hypothesis=SimpleNamespace(causes=(CAMERA,), score=100.0)) for _ in range(2)
+    )
+    ends = {id(start): _stand(CAMERA, 30.0), id(move): _stand(CAMERA, 400.0)}
+    search: Any = SimpleNamespace(
+        alone=lambda first: start,
+        may_move=lambda best: True,
+        moves=lambda first: [move],
+        starts=lambda first: [start],
+        beside=lambda first, start, stand: None,
+        gone_on=lambda stand, *rest: stand,
+        followed=lambda first, start, *rest, passed=None: ends[id(start)],
+    )
+    assert max(s.best.score for s in _followed(search, first, False)) == 400
