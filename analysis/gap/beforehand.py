@@ -41,11 +41,10 @@ Drawn = Callable[[Sequence[Condition]], Sequence[Rendered]]
 @dataclass(frozen=True, eq=False)
 class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
-    together. ``document``: of what is fitted; ``screens`` and ``mixed``: the cameras whose captures follow a curve or
-    went through a matrix; ``said``: cameras by their conditions' names, as the scene file has them."""
+    together. ``screens`` and ``mixed``: the cameras whose captures follow a curve or went through a matrix; ``said``:
+    cameras by their conditions' names, as the scene file has them."""
 
     captures: Captures
-    document: Document
     conditions: tuple[Condition, ...]
     own: Captures
     by: Binning
@@ -134,5 +133,5 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
     said = {c.name: c.camera for c in whole}
     return Beforehand(
-        captures, document, tuple(as_encoded(whole, screens)), own, by, tuple(screens), tuple(mixed), said
+        captures, tuple(as_encoded(whole, screens)), own, by, tuple(screens), tuple(mixed), said
     )

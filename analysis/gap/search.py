@@ -18,6 +18,7 @@ from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.hypotheses import best_first
 from analysis.gap.knots import Knots, changed
 from analysis.gap.model import Model
+from analysis.gap.moved import moved
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes
@@ -42,7 +43,6 @@ WAVERS = 0.002  # of what a hypothesis gains: as much comes of weights that are 
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
-SETTLED = 0.05  # of what a cause changes in the images: a smaller change needs no new linearisation
 Passed = dict[frozenset[Cause], list[np.ndarray]]  # where hypotheses of these causes were linearised
 
 
@@ -386,16 +386,3 @@ class Search:
         evidence = Evidence(total_of(parts), every, tuple(changes), self.widths.spikes)
         self.widths.first(evidence.spike[: self.q])
         return Stand(tuple(every), at, evidence, parts, tuple(best_first(evidence)), now)
-
-
-def moved(
-    members: dict[Cause, np.ndarray], now: np.ndarray, before: np.ndarray, G: np.ndarray, spike: np.ndarray
-) -> bool:
-    """Whether the numbers of a cause give other images than they did: by more than a part of what it changes, and more
-    than each may be off by anyway. Two that give the same images, one for the other, have not moved."""
-    for index in members.values():
-        own, off = G[np.ix_(index, index)], now[index] - before[index]
-        least = np.max(spike[index] ** 2 * np.diag(own), initial=0.0)
-        if off @ own @ off > max(SETTLED**2 * (now[index] @ own @ now[index]), least):
-            return True
-    return False

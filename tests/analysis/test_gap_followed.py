@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.gap.search import Passed, Search, moved
+from analysis.gap.moved import moved
+from analysis.gap.search import Passed, Search
 from analysis.gap.stand import Start
 
 A, B = ("vignetting", ""), ("defocus", "")
