@@ -186,10 +186,10 @@ def no_surer_than_at_home(first: Stand, stand: Stand) -> Stand:
 def _rescaled(search: Search, kept: dict[str, Sensitivities], chosen: Stand) -> Stand:
     """The stand with tolerances as large as they look from there, followed where that makes other causes of it.
     ``kept``: sensitivities where nothing stands elsewhere, as far as they are known."""
-    stand = search.scaled(chosen)
+    stand = search.scaled(chosen).with_no_more_than(chosen.best.causes)
     if stand.best.causes and stand.best.causes != chosen.best.causes:
         stand = search.gone_on(stand, "fit again")
-    stand = search.averaged(stand)
+    stand = search.averaged(stand).with_no_more_than(stand.best.causes)
     if stand.best.causes or not stand.evidence.in_force:
         return stand
     return search.averaged(search.stand(search.registered(), {}, "evidence", kept))

@@ -24,7 +24,7 @@ from analysis.gap.parallel import each
 from analysis.gap.radiance import Changes
 from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
-from analysis.gap.stand import Stand, Start
+from analysis.gap.stand import WAVERS, Stand, Start
 from analysis.gap.subpixel_terms import straight
 from analysis.gap.terms import NUISANCE, Cause, Term
 from interchange.problems import BrightfieldError
@@ -39,7 +39,6 @@ FAR = 1.0  # steps, from which on a difference of direct light may not be all
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
-WAVERS = 0.002  # of what a hypothesis gains: as much comes of weights that are another place's
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
@@ -218,7 +217,7 @@ class Search:
             theta, at, _ = self.refined(best.causes, members, theta, at, kept)
             changes = {c: self.change(self.model(theta, at), index) for c, index in members.items()}
             before = best
-            stand = self.stand(at, changes, what, kept)
+            stand = self.stand(at, changes, what, kept).with_no_more_than(before.causes)
             kept = stand.kept
             best = stand.best
             theta = stand.evidence.theta(best)[: self.q]

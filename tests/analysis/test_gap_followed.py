@@ -46,7 +46,9 @@ class Made(Search):
             members=members, theta=lambda h: np.zeros(1), spike=np.zeros(1), e=SimpleNamespace(G=np.eye(1))
         )
         own = in_force <= set(best.causes)
-        return SimpleNamespace(best=best, evidence=evidence, at=at, kept={}, is_its_own=own)
+        stand = SimpleNamespace(best=best, evidence=evidence, at=at, kept={}, is_its_own=own)
+        stand.with_no_more_than = lambda causes: stand  # what is ahead gains as much as it must
+        return stand
 
 
 @pytest.mark.parametrize(("places", "stands"), [([1.0], 2), ([1.0, 2.0, 3.0], 3)])
