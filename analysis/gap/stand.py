@@ -44,7 +44,9 @@ class Stand:
             return self
         level = [replace(h, log_Z=h.log_Z - max(h.score - own, 0.0) * TAU) for h in self.hypotheses]
         first = frozenset(causes)
-        return replace(self, hypotheses=tuple(sorted(level, key=lambda h: (-h.score, set(h.causes) != first))))
+        return replace(
+            self, hypotheses=tuple(sorted(level, key=lambda h: (-h.score, set(h.causes) != first)))
+        )
 
 
 @dataclass(frozen=True, eq=False)
