@@ -34,7 +34,7 @@ from interchange.parameter import ParameterError
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
 MOST_OBJECTS = 6  # that are moved and resized by renderings: the largest in the image
-MOST_TILTED = 2  # of them, that may be tilted
+TILTS = ("rx", "ry")  # as where a chip lies under it
 MOST_GROUPS = 2  # of objects that are one
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
@@ -176,7 +176,6 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes
     outlined = outlines(conditions)
     chosen = standing(conditions)
     spike = t.object_pose_mm
-    tilting = [*chosen[:MOST_TILTED], *together(conditions)]
     for name in [*chosen, *together(conditions)]:
         px = _mm_a_px(conditions, name)
         size = 1e3 * np.ptp(_box(conditions, name), axis=0)
@@ -187,8 +186,7 @@ def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes
             turning = ("mrad", 1e3 * spike / reach, 1e-3 * reach / 2, px)
             if mesh is None or not is_round(mesh):
                 terms.append(term("object_pose", name, "rz", *turning))
-            if name in tilting:  # as where a chip lies under it
-                terms += [term("object_pose", name, way, *turning) for way in ("rx", "ry")]
+            terms += [term("object_pose", name, way, *turning) for way in TILTS]
         if name in chosen:
             half, top = float(size.max()) / 2, float(size[2]) / 2  # px of it, as most cameras look down
             for parameter, moves in (("scale", half), ("height", top)):
