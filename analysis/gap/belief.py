@@ -10,7 +10,7 @@ from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import SHARE
 from analysis.gap.terms import Cause
 
-MISSED = 0.02  # of what strong effects change: a fifth of SHARE, that no modulation of their formulas has
+MISSED = 0.0125  # of what strong effects change: an eighth of SHARE, that no modulation of their formulas has
 UNDONE = 0.5  # of what the stronger of two changes: where less is left of both, they are in doubt
 
 

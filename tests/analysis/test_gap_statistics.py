@@ -124,15 +124,15 @@ def test_what_an_effects_formula_may_miss_is_no_unknown(rng: np.random.Generator
 
 
 def test_what_gains_no_more_than_strong_effects_may_leave_is_in_doubt(rng: np.random.Generator) -> None:
-    """A fiftieth of a is 1.6 of χ²; c gains half of that in log Z, and is as probable as not; b gains 50 times that."""
+    """An eightieth of a is 0.63 of χ²; c gains half of that in log Z, and is as probable as not; b 128 times that."""
     X = np.linalg.qr(rng.standard_normal((4000, 3)))[0] * np.sqrt(4000)
     evidence = Evidence(_equations(X, X @ [1, 0.1, 0.1]), _terms(list("abc"), 0.002))
     a, b, c = causes = (("a", ""), ("b", ""), ("c", ""))
-    gains = {a: 2000.0, b: 40.0, c: 0.8}
+    gains = {a: 2000.0, b: 40.0, c: 0.3125}
     p = believed(dict.fromkeys(causes, 1.0), causes, evidence, np.array([1.0, 0.1, 0.1]), gains)
-    missed = 0.02**2 * 4040
+    missed = 0.0125**2 * 4040
     assert p == pytest.approx(
-        {a: 4000 / (4000 + 0.02**2 * 80), b: 80 / (80 + missed), c: 1.6 / (1.6 + missed)}
+        {a: 4000 / (4000 + 0.0125**2 * 80), b: 80 / (80 + missed), c: 0.625 / (0.625 + missed)}
     )
     assert p[c] == pytest.approx(0.5, abs=0.01)
 
