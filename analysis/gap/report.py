@@ -40,7 +40,6 @@ TITLES = {
     "frequency": "spatial frequency", "channel": "channel", "lamp": "lamp", "capture": "capture",
     "fixed to": "what it is fixed to",
 }  # fmt: skip
-NOTHING = "Nothing looks alike."
 STRIP = ("capture", "after", "gap before", "gap after")
 EXPLAINED = {
     "as written": "the scene file, rendered as it is",
@@ -156,8 +155,7 @@ def _effect(f: Finding, found: Diagnosed) -> str:
     mark = why(kinds(f))
     seen = f"<dt>What gives it away</dt><dd>{html.escape(mark)}</dd>" if mark else ""
     said, others = grounds(found.fit, f)
-    alone = "It is told by all pixels alone; nothing was weighed in its place." if f.grounds else NOTHING
-    rivals = "".join(f"<dd>{html.escape(w)}</dd>" for w in others[:4]) or f"<dd>{alone}</dd>"
+    rivals = "".join(f"<dd>{html.escape(w)}</dd>" for w in others[:4]) or "<dd>Nothing looks alike.</dd>"
     against = (
         "<dd>What it takes off is below 0: it works against another effect, and shows beside it alone.</dd>"
     )

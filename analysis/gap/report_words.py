@@ -20,6 +20,7 @@ LEAST = 0.005  # of a gap, or a probability, that is told as one
 OF_NOISE = (
     "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
 )
+ALONE = "All pixels of the captures tell it alone, before the fit: nothing was weighed in its place."
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
 
@@ -96,7 +97,7 @@ def interval(effect: str, name: str, found: Estimate) -> str:
 def grounds(fit: Fit, finding: Finding) -> tuple[str, list[str]]:
     """Why an effect, and why not another."""
     if finding.grounds:
-        return finding.grounds, []
+        return finding.grounds, [ALONE]
     if _is_fitted(fit, finding):
         return evidence(fit, finding), why_not(fit, finding)
     return OF_NOISE, why_not(fit, finding)

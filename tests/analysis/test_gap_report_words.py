@@ -11,7 +11,17 @@ from analysis.gap.diagnosis import Estimate, Finding, names
 from analysis.gap.encoded import GROUNDS
 from analysis.gap.findings import _targets
 from analysis.gap.report import _verification
-from analysis.gap.report_words import evidence, grounds, interval, kinds, sentence, what_is_left, why, why_not
+from analysis.gap.report_words import (
+    ALONE,
+    evidence,
+    grounds,
+    interval,
+    kinds,
+    sentence,
+    what_is_left,
+    why,
+    why_not,
+)
 from analysis.gap.structure import Structure
 from analysis.gap.verify import Verification
 from interchange.effects import MODELS
@@ -49,7 +59,7 @@ def test_what_was_not_fitted_is_told_by_what_it_was_judged_by() -> None:
     curve: Any = SimpleNamespace(name="response_curve", rivals=(), parameters={}, tied=(), grounds=GROUNDS)
     said, others = grounds(_fit(0.0), curve)
     assert "follow sRGB's curve" in said
-    assert others == []
+    assert others == [ALONE]
     own: Any = SimpleNamespace(name="defocus", rivals=(), parameters={"blur": number}, tied=(), grounds="")
     said, others = grounds(_fit(0.0), own)
     assert "evidence" in said
