@@ -23,6 +23,7 @@ class Made(Search):
 
     def __init__(self, leads: dict[frozenset[tuple[str, str]], Any], places: list[float]) -> None:
         self.leads, self.places, self.q, self.stood = leads, places, 1, []
+        self.hardly_more = False  # what is ahead, than what was followed
 
     def refined(self, causes: Any, members: Any, theta: Any, at: Any, kept: Any) -> Any:
         return theta, at, 0.0
@@ -47,7 +48,9 @@ class Made(Search):
         )
         own = in_force <= set(best.causes)
         stand = SimpleNamespace(best=best, evidence=evidence, at=at, kept={}, is_its_own=own)
-        stand.with_no_more_than = lambda causes: stand  # what is ahead gains as much as it must
+        stand.with_no_more_than = lambda causes: (
+            self.found(hypothesis(*causes), in_force, at) if self.hardly_more else stand
+        )
         return stand
 
 
@@ -85,6 +88,16 @@ def test_numbers_that_give_the_same_images_have_not_moved(before: list[float], g
 
 def test_what_stays_ends_where_it_is() -> None:
     search = Made({frozenset({A}): hypothesis(A)}, [1.0])
+    first = search.found(hypothesis(A), frozenset(), np.array([1.0]))
+    there = search.followed(first, Start(hypothesis(A), np.array([1.0])), "fit")
+    assert search.stood == [frozenset({A})]
+    assert there.best.causes == (A,)
+
+
+def test_what_gains_hardly_more_is_not_followed() -> None:
+    """At the one both are best, by hardly more: it ends at the one."""
+    search = Made({frozenset({A}): hypothesis(A, B)}, [1.0])
+    search.hardly_more = True
     first = search.found(hypothesis(A), frozenset(), np.array([1.0]))
     there = search.followed(first, Start(hypothesis(A), np.array([1.0])), "fit")
     assert search.stood == [frozenset({A})]
