@@ -191,8 +191,8 @@ def test_an_object_that_lies_elsewhere_is_followed_there(few, knots, rasterizer,
 
 
 def test_whatever_stands_may_be_tilted(found, knots) -> None:
-    """A rod that is none of a scene's two largest objects stood 46 and 69 mrad aslant in a blind case of another engine.
-    Where only those two could, its place did not settle, and five other causes stood beside it."""
+    """A rod that is none of a scene's two largest objects stood 46 and 69 mrad aslant in a blind case of another
+    engine. Where only those two could, its place did not settle, and five other causes stood beside it."""
     terms = knot_terms(found, Tolerances(), knots)
     for name in standing(found):
         assert {t.parameter for t in terms if t.candidate == ("object_pose", name)} >= set(TILTS)
