@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.results import FOLDER, Answer, read
 from benchmarks.blind.rules import calibration, calibration_by_chance, confidently_wrong, there
+from benchmarks.blind.sealing import SealError
 
 OF_NOISE = ("sensor_noise", "fixed_pattern", "quantization")
 TRIED = np.arange(0.5, 4.0, 0.05)
@@ -42,7 +43,10 @@ def main() -> None:
     p.add_argument("sets", nargs="+")
     p.add_argument("--told", type=float, required=True)
     args = p.parse_args()
-    cases = [c for name in args.sets for c in read(FOLDER / f"{name}.json").cases]
+    try:
+        cases = [c for name in args.sets for c in read(FOLDER / f"{name}.json").cases]
+    except SealError as problem:
+        p.error(str(problem))
     declared = [(x, a) for x, a in cases if x["stratum"] != "stress"]
     calls = [
         (s, n in there(x))
