@@ -32,6 +32,7 @@ class BlenderCamera:
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         self.object.matrix_world = matrix(camera.world_from_camera @ camera_from_gl)
         K, lens = camera.K, camera.lens
+        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
         if is_native(camera):
             self._native(camera, K, width, height)
             open_lens = (
@@ -46,7 +47,9 @@ class BlenderCamera:
             self._script(camera, K, width, height)
 
     def _native(self, camera: Camera, K: np.ndarray, width: int, height: int) -> None:
-        data = self.data
+        data, render = self.data, bpy.context.scene.render
+        taller = K[0, 0] / K[1, 1]  # a pixel's height over its width
+        render.pixel_aspect_x, render.pixel_aspect_y = max(1 / taller, 1.0), max(taller, 1.0)
         data.sensor_fit = "HORIZONTAL"
         data.clip_start, data.clip_end = camera.clip
         if camera.lens.projection is Projection.PERSPECTIVE:
@@ -57,7 +60,7 @@ class BlenderCamera:
             data.type = "ORTHO"
             data.ortho_scale = width / K[0, 0]
         data.shift_x = ((width - 1) / 2 - K[0, 2]) / width
-        data.shift_y = (K[1, 2] - (height - 1) / 2) / width
+        data.shift_y = (K[1, 2] - (height - 1) / 2) / width * taller
 
     def _script(self, camera: Camera, K: np.ndarray, width: int, height: int) -> None:
         """For passes without shadow rays alone: see ``offline.wide``."""

@@ -35,6 +35,8 @@ def prepare(settings: CyclesSettings) -> None:
     _set(scene.view_settings, view_transform="Raw")
     _set(scene.render.image_settings, media_type="MULTI_LAYER_IMAGE")
     _set(scene.render.image_settings, file_format="OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE")
+    # in parts, headers disagree on sides of pixels that differ, and Blender 5.0 saves nothing
+    _set(scene.render.image_settings, use_exr_interleave=True)
     _set(scene.view_layers[0], name=LAYER, use_pass_position=True, use_pass_emit=True)
 
 

@@ -124,7 +124,7 @@ class Cycles:
         """What needs shadow rays by a wide pinhole image (``offline.wide``); what stands at pixel centres exactly."""
         camera = job.camera
         size = camera.sensor.resolution[::-1]
-        fine, samples = oversampling(job.settings.samples)
+        fine, samples = oversampling(job.settings.samples, bool(job.settings.denoise))
         wide = wide_camera(camera, fine)
         spread = replace(job.settings, samples=samples)
         gathering, count = Gathering(wide, camera), len(job.scene.lights)

@@ -109,6 +109,8 @@ def test_a_budget_of_samples_is_met():
         assert abs(fine**2 * each / samples - 1) < 0.15
     assert oversampling(64) == (8, 1)
     assert oversampling(256) == (8, 4)
+    assert oversampling(64, denoised=True) == (4, 4)
+    assert oversampling(81, denoised=True) == (3, 9)
 
 
 def test_a_lens_that_folds_inside_the_image_is_refused():
@@ -116,6 +118,7 @@ def test_a_lens_that_folds_inside_the_image_is_refused():
         wide_camera(replace(CAMERA, lens=Lens(2e-3, distortion=(-0.5, 0, 0, 0, 0, 0, 0, 0))), 2)
 
 
-def test_square_pixels_without_distortion_need_no_detour():
+def test_a_camera_without_distortion_needs_no_detour():
     assert not is_native(CAMERA)
-    assert is_native(Camera("camera", sensor=Sensor((80, 60), (8e-5, 8e-5))))
+    assert is_native(replace(CAMERA, lens=Lens(6e-3)))  # whatever sides its pixels have
+    assert not is_native(replace(CAMERA, lens=Lens(6e-3), sensor=Sensor((80, 60), (80e-6, 80e-6 / 201))))
