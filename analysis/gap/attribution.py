@@ -111,6 +111,11 @@ def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
     )
 
 
+def errors_alone(fitted: Fit) -> Model:
+    """The best model without what is called: calibration's errors, and of causes that are not called what those leave."""
+    return without(fitted, called(fitted))
+
+
 def lacking(fitted: Fit, causes: Sequence[Cause]) -> Model:
     """The same, told beside the best model."""
     return replace(without(fitted, causes), beside=fitted.after)

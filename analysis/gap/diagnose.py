@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from analysis.gap.anew import Anew, rendered_anew
-from analysis.gap.attribution import Told, attribution, claimed, waterfall, without
+from analysis.gap.attribution import Told, attribution, claimed, errors_alone, waterfall
 from analysis.gap.beforehand import Beforehand, beforehand
 from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
 from analysis.gap.caution import KNOWN
@@ -151,7 +151,7 @@ def diagnose(
     if verify and findings:
         lacks = [f.name for f in findings if f.name in left]
         claim = claimed(fitted, held, v.by, taken, frozenset({f.name for f in findings} - set(lacks)))
-        errors = without(fitted, fitted.best.causes)
+        errors = errors_alone(fitted)
         check = verified(
             scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, first.by.document
         )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.gap.attribution import called
+from analysis.gap.attribution import called, errors_alone
 from analysis.gap.belief import in_its_place
 from analysis.gap.calling import beside_structure, less_what_is_slight, only_called
 from analysis.gap.caution import Caution
@@ -92,6 +92,15 @@ def test_what_is_called_is_fitted_without_the_rest() -> None:
     assert theta[0] == pytest.approx((b[0] - G[0, 1] * theta[1]) / G[0, 0], rel=1e-3)
     assert theta[0] == pytest.approx(0.48, abs=0.03)
     assert abs(theta[1]) < 0.03
+
+
+def test_errors_have_what_calibration_leaves_of_causes_that_are_not_called() -> None:
+    """As the claim has: photographs of a board had a lens and a glare that was not called, 17 DN in black squares of the
+    file rendered anew and 20 where it was claimed."""
+    sure = only_called(_fit(0.9, 0.3))
+    errors = errors_alone(sure)
+    assert errors.theta[0] == sure.before.theta[0] == 0.0
+    assert errors.theta[1] == sure.after.theta[1] != 0.0
 
 
 def test_nothing_called_is_the_file_at_its_best() -> None:
