@@ -112,7 +112,7 @@ def without(fitted: Fit, causes: Sequence[Cause]) -> Model:
 
 
 def errors_alone(fitted: Fit) -> Model:
-    """The best model without what is called: calibration's errors, and of causes that are not called what those leave."""
+    """The best model without what is called: calibration's errors, and what those leave of causes that are not."""
     return without(fitted, called(fitted))
 
 

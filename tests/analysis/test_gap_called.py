@@ -95,8 +95,8 @@ def test_what_is_called_is_fitted_without_the_rest() -> None:
 
 
 def test_errors_have_what_calibration_leaves_of_causes_that_are_not_called() -> None:
-    """As the claim has: photographs of a board had a lens and a glare that was not called, 17 DN in black squares of the
-    file rendered anew and 20 where it was claimed."""
+    """As the claim has: photographs of a board had a lens and a glare that was not called, 17 DN in black squares of
+    the file rendered anew and 20 where it was claimed."""
     sure = only_called(_fit(0.9, 0.3))
     errors = errors_alone(sure)
     assert errors.theta[0] == sure.before.theta[0] == 0.0
