@@ -29,6 +29,7 @@ from analysis.gap.overlap import must_overlap, with_files_bits
 from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
 from analysis.gap.own_pixels import notes as notes_on_pixels
 from analysis.gap.radiance import Rendered
+from analysis.gap.surroundings import without_surroundings
 from analysis.gap.verdict import Verdict, against
 from interchange.camera import Camera
 from interchange.captures import Captures
@@ -42,7 +43,7 @@ Drawn = Callable[[Sequence[Condition]], Sequence[Rendered]]
 class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
     together. ``screens`` and ``mixed``: the cameras whose captures follow a curve or went through a matrix; ``said``:
-    cameras by their conditions' names, as the scene file has them."""
+    cameras by their conditions' names, as the scene file has them. ``around``: notes of surroundings."""
 
     captures: Captures
     conditions: tuple[Condition, ...]
@@ -51,6 +52,7 @@ class Beforehand:
     screens: tuple[Screen, ...]
     mixed: tuple[Matrix, ...]
     said: dict[str, Camera]
+    around: tuple[str, ...] = ()
 
     def scene(self, scene: Scene) -> Scene:
         """A scene of the sensors' own pixels as what was fitted says it."""
@@ -99,7 +101,7 @@ class Beforehand:
 
     @property
     def notes(self) -> list[str]:
-        return notes_on_pixels(self.own, self.by)
+        return [*self.around, *notes_on_pixels(self.own, self.by)]
 
     def _alone(self, own: Sequence[str]) -> tuple[str, ...]:
         """The cameras that have something, where others have not."""
@@ -120,7 +122,9 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     captures, document = taken(own)
     found = with_steps(with_files_bits(conditions(captures, document)))
     rendered = drawn(found)
-    whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+    whole, around = without_surroundings(
+        [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+    )
     must_overlap(whole)
     screens = encoded(whole)
     linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
@@ -130,8 +134,15 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
         captures, document = taken(pure)
         found = with_steps(with_files_bits(conditions(captures, document)))
-        whole = [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+        whole = [replace(c, rendered=r, mask=w.mask) for c, r, w in zip(found, rendered, whole, strict=True)]
     said = {c.name: c.camera for c in whole}
     return Beforehand(
-        captures, tuple(as_encoded(whole, screens)), own, by, tuple(screens), tuple(mixed), said
+        captures,
+        tuple(as_encoded(whole, screens)),
+        own,
+        by,
+        tuple(screens),
+        tuple(mixed),
+        said,
+        tuple(around),
     )
