@@ -157,6 +157,21 @@ class Sensor:
         return self.output_bit_depth or self.bit_depth
 
     @property
+    def black_out(self) -> float:
+        """The black level, DN of the image that leaves the camera."""
+        return self.black_level * self._out
+
+    @property
+    def K_out(self) -> float:
+        """``K``, DN/e-, of the image that leaves the camera, by a straight curve."""
+        return self.K * self._out
+
+    @property
+    def _out(self) -> float:
+        """A DN of the converter in those of the image that leaves the camera."""
+        return float((2**self.bits_out - 1) / (2**self.bit_depth - 1))
+
+    @property
     def K(self) -> float:
         """EMVA 1288's overall system gain, DN/e-, of the converter's DN."""
         return float(10 ** (self.gain_dB / 20) * (2**self.bit_depth - 1 - self.black_level) / self.full_well)

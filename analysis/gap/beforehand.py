@@ -1,5 +1,5 @@
 """What is told of captures before anything is fitted, and the captures without it: pixels that are taken together, a
-screen's curve and a colour matrix that the scene file does not say.
+screen's curve, a JPEG and a colour matrix that the scene file does not say.
 
 What is left is fitted; what was taken back is in the verdict as effects that are known, and in the corrected scene.
 """
@@ -7,12 +7,16 @@ What is left is fitted; what was taken back is in the verdict as effects that ar
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from analysis.gap import compressed as jpegs
 from analysis.gap.binned import Binning, binned_captures, binning_of
 from analysis.gap.code_findings import with_steps
+from analysis.gap.compressed import Compressed, compressed, with_errors
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.diagnosis import Edges, Estimate, Finding
-from analysis.gap.encoded import GROUNDS, Screen, as_encoded, encoded, is_linear, on_scene
-from analysis.gap.findings import CROSSTALK, CURVE, SCREEN, Known, with_known
+from analysis.gap.encoded import GROUNDS, Screen, encoded, is_linear
+from analysis.gap.findings import CROSSTALK, CURVE, JPEG, SCREEN, Known, with_known
 from analysis.gap.matrices import GROUNDS as MIXED
 from analysis.gap.matrices import (
     WORDS,
@@ -30,7 +34,8 @@ from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
 from analysis.gap.own_pixels import notes as notes_on_pixels
 from analysis.gap.radiance import Rendered
 from analysis.gap.surroundings import without_surroundings
-from analysis.gap.verdict import Verdict, against
+from analysis.gap.taken_as import on_scene, taken_as
+from analysis.gap.verdict import Verdict, against, further
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.formats.document import Document
@@ -42,13 +47,15 @@ Drawn = Callable[[Sequence[Condition]], Sequence[Rendered]]
 @dataclass(frozen=True, eq=False)
 class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
-    together. ``screens`` and ``mixed``: the cameras whose captures follow a curve or went through a matrix; ``said``:
-    cameras by their conditions' names, as the scene file has them. ``around``: notes of surroundings."""
+    together. ``packed``, ``screens`` and ``mixed``: the cameras whose captures are JPEGs, follow a curve or went
+    through a matrix; ``said``: cameras by their conditions' names, as the scene file has them. ``around``: notes of
+    surroundings."""
 
     captures: Captures
     conditions: tuple[Condition, ...]
     own: Captures
     by: Binning
+    packed: tuple[Compressed, ...]
     screens: tuple[Screen, ...]
     mixed: tuple[Matrix, ...]
     said: dict[str, Camera]
@@ -56,12 +63,17 @@ class Beforehand:
 
     def scene(self, scene: Scene) -> Scene:
         """A scene of the sensors' own pixels as what was fitted says it."""
-        return with_matrices(on_scene(self.by.on_scene(scene), self.screens), self.mixed)
+        return with_matrices(on_scene(self.by.on_scene(scene), (*self.packed, *self.screens)), self.mixed)
 
     def known(self, v: Verdict, held: Sequence[Condition]) -> tuple[Verdict, list[Known]]:
         """The verdict against the file as written, and the effects that are between that and what was fitted to.
         ``held``: the conditions that were held out."""
         known = []
+        if self.packed:
+            least, names = v.gap.before**2, [x.camera for x in self.packed]
+            v = further(v, [self._unpacked(c) - c.simulated().dn for c in held])
+            numbers_of = jpegs.numbers(self.packed)
+            known.append(Known(JPEG, numbers_of, jpegs.GROUNDS, v.gap.before**2 - least, self._alone(names)))
         if self.mixed:
             least = v.gap.before**2
             v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])
@@ -101,7 +113,12 @@ class Beforehand:
 
     @property
     def notes(self) -> list[str]:
-        return [*self.around, *notes_on_pixels(self.own, self.by)]
+        return [*self.around, *jpegs.notes(self.packed), *notes_on_pixels(self.own, self.by)]
+
+    def _unpacked(self, c: Condition) -> np.ndarray:
+        """(H, W, C) simulated DN of a camera whose images are as they were before they were compressed."""
+        sensor = replace(c.camera.sensor, jpeg_quality=self.said[c.name].sensor.jpeg_quality)
+        return replace(c, camera=replace(c.camera, sensor=sensor)).simulated().dn
 
     def _alone(self, own: Sequence[str]) -> tuple[str, ...]:
         """The cameras that have something, where others have not."""
@@ -122,25 +139,27 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     captures, document = taken(own)
     found = with_steps(with_files_bits(conditions(captures, document)))
     rendered = drawn(found)
+    packed = compressed(found)
     whole, around = without_surroundings(
-        [replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)]
+        taken_as([replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)], packed)
     )
     must_overlap(whole)
     screens = encoded(whole)
     linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
-    as_taken = as_encoded(whole, screens)
+    as_taken = taken_as(whole, screens)
     mixed = matrices([c for c in as_taken if c.camera.name in linear])
     if mixed:
         pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
         captures, document = taken(pure)
         found = with_steps(with_files_bits(conditions(captures, document)))
         whole = [replace(c, rendered=r, mask=w.mask) for c, r, w in zip(found, rendered, whole, strict=True)]
-    said = {c.name: c.camera for c in whole}
+    said = {c.name: c.camera for c in found}
     return Beforehand(
         captures,
-        tuple(as_encoded(whole, screens)),
+        tuple(with_errors(taken_as(whole, (*packed, *screens)))),
         own,
         by,
+        tuple(packed),
         tuple(screens),
         tuple(mixed),
         said,

@@ -206,7 +206,7 @@ def dark_current(conditions: Sequence[Condition], tolerances: Tolerances) -> lis
         return []
 
     def field(s: State) -> np.ndarray:
-        return np.full_like(s.signal, s.camera.sensor.K * s.camera.t_exp)
+        return np.full_like(s.signal, s.camera.sensor.K_out * s.camera.t_exp)
 
     spike = tolerances.black_level_dn / (longest.sensor.K * longest.t_exp)
     sheet = longest.sensor.dark_current

@@ -1,4 +1,4 @@
-"""Effects that show in which DN occur, and where: fewer bits than claimed, a lower full well, compression by blocks."""
+"""Effects that show in which DN occur: fewer bits than claimed, a lower full well."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,8 +9,6 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import noise_variance
 from analysis.gap.noise_finding import NoiseFinding, Number, certainty
-from interchange.effects.jpeg import Jpeg, decoded
-from interchange.image import Image
 
 COMB = 1.4  # DN from one value that occurs to the next, from which on it is a comb
 LEAST_VALUES = 24  # that must occur
@@ -22,12 +20,10 @@ LEAST_CUT = 30  # pixels
 # that a full well must lie below the data sheet's: a black level 1 DN off lowers the cut as well
 LEAST_LOWER = 0.01
 SURELY = 0.9  # probability of steps, from which on everything else is judged with them
-QUALITIES = range(20, 100, 2)
-SHALLOW = 0.85  # dip of what compressing once more changes, that chance makes
 
 
 def code_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndarray]) -> list[NoiseFinding]:
-    """Of quantization, saturation and jpeg, those that the captures' files let be judged."""
+    """Of quantization and saturation, those that the captures' files let be judged."""
     found: dict[str, NoiseFinding] = {}
     for camera in dict.fromkeys(c.camera.name for c in conditions):
         pairs = zip(conditions, simulations, strict=True)
@@ -36,7 +32,6 @@ def code_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndar
             continue
         of, said = [c for c, _ in own], [s for _, s in own]
         told = [quantization(of), saturation(of, said)]
-        told += [jpeg(of)] if all(c.captures[0].bits == 8 for c in of) else []
         for f in told:  # of several cameras the one that says most
             if f is not None and (f.name not in found or f.probability > found[f.name].probability):
                 found[f.name] = f
@@ -168,27 +163,3 @@ def _below(c: Condition, level: float) -> Condition:
     hot = np.any([x.pixels.max(axis=2) >= level for x in c.captures], axis=0)
     wide = cv2.dilate(hot.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     return replace(c, mask=c.mask & ~wide)
-
-
-def jpeg(conditions: Sequence[Condition]) -> NoiseFinding:
-    """Compressing once more changes least at the quality that an image was compressed by.
-
-    Farid: Exposing digital forgeries from JPEG ghosts. IEEE Trans. Information Forensics and Security 4(1), 2009.
-    """
-    pixels = np.ascontiguousarray(conditions[0].captures[0].pixels, np.float32)
-    quality, depth = min((_dip(pixels, halved) for halved in (True, False)), key=lambda found: found[1])
-    log_odds = float(np.clip((SHALLOW - depth) * 40, -5, 50))
-    return NoiseFinding("jpeg", certainty(log_odds), {"quality": Number(quality, 1.0, "1")})
-
-
-def _dip(pixels: np.ndarray, halved: bool) -> tuple[float, float]:
-    """The quality of the deepest dip of what compressing once more changes, and its depth: the change there over the
-    mean of those two steps beside it."""
-    off = []
-    for quality in QUALITIES:
-        again = decoded(Jpeg(float(quality), halved).encoded(Image(pixels))).astype(np.float32)
-        off.append(float(np.mean(np.abs(again - pixels))))
-    found = np.array(off)
-    depth = found[2:-2] / np.maximum((found[:-4] + found[4:]) / 2, 1e-9)
-    k = int(np.argmin(depth))
-    return float(QUALITIES[k + 2]), float(depth[k])

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from analysis.gap import cut
-from analysis.gap.expected import SATURATED, Expected, Noise, expected
+from analysis.gap.expected import SATURATED, Expected, Noise, expected, noise_variance
 from analysis.gap.fine_optics import told_apart
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Rendered
@@ -21,6 +21,7 @@ from interchange.problems import BrightfieldError, FileError, Problem
 from interchange.scene import Scene
 
 AROUND = np.ones((7, 7), np.uint8)  # px
+BLOCKS = (24, 24)  # px, three of a JPEG's along a side: how large its errors are is told over so many
 CUT = 3.0  # standard deviations of noise that lie above DN 0
 HELD_OUT_SHARE = 4  # one condition in so many is held out
 
@@ -43,6 +44,7 @@ class Condition:
     )  # DN rms of lines that were evened, by axis (lines.py)
     noise: Noise | None = None  # where it is not the data sheet's
     allowed: np.ndarray | None = None  # (H, W) bool: what is ``compared``, where another rendering told it
+    packed: np.ndarray | None = None  # (H, W, C) DN by which compressing is off (compressed.py)
     when: float = 0.0  # 0 for the first of its camera, 1 for the last, in the order of the captures
 
     @property
@@ -80,13 +82,28 @@ class Condition:
                 shown = seen(shown, optics.flow(self.camera, None), blur=optics.blur).here
         e = expected(shown.radiance(self.scene), camera, effects, self.noise)
         if self.mean.shape[2] == e.dn.shape[2]:
-            return e
+            return replace(e, fixed=e.fixed + self._compression(e.temporal, e.fixed))
 
         def fitting(plane: np.ndarray) -> np.ndarray:
             one = self.mean.shape[2] == 1
             return plane.mean(axis=2, keepdims=True) if one else np.repeat(plane, 3, axis=2)
 
-        return Expected(fitting(e.dn), fitting(e.temporal), fitting(e.fixed), e.black, e.top)
+        temporal, fixed = fitting(e.temporal), fitting(e.fixed)
+        fixed = fixed + self._compression(temporal, fixed)
+        return Expected(fitting(e.dn), temporal, fixed, e.black, e.top)
+
+    def variance_at(self, dn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Temporal and lasting variance, DN², of pixels whose mean is ``dn`` (H, W, C), by the data sheet; what
+        compressing adds lasts."""
+        temporal, fixed = noise_variance(dn, self.camera)
+        return temporal, fixed + self._compression(temporal, fixed)
+
+    def _compression(self, temporal: np.ndarray, fixed: np.ndarray) -> np.ndarray | np.float32:
+        """DN² by which what compressing leaves is more than the noise that it takes off, over some blocks of it."""
+        if self.packed is None:
+            return np.float32(0)
+        off = cv2.blur(np.square(self.packed), BLOCKS).reshape(self.packed.shape)
+        return np.maximum(off - temporal / len(self.captures) - fixed, 0).astype(np.float32)
 
     @own_property
     def compared(self) -> np.ndarray:

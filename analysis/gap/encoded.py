@@ -16,7 +16,6 @@ from analysis.gap.conditions import Condition
 from analysis.gap.parallel import each
 from interchange.camera import Camera
 from interchange.effects.response_curve import ResponseCurve
-from interchange.scene import Scene
 from interchange.sensor import Response, Sensor
 
 BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
@@ -59,18 +58,6 @@ def is_linear(sensor: Sensor) -> bool:
     return sensor.response is Response.LINEAR and sensor.gamma == 1 and not (sensor.bow or sensor.skew)
 
 
-def as_encoded(found: Sequence[Condition], screens: Sequence[Screen]) -> list[Condition]:
-    """The conditions with their cameras as the captures are."""
-    of = {s.camera: s.of for s in screens}
-    return [replace(c, camera=of[c.camera.name](c.camera)) if c.camera.name in of else c for c in found]
-
-
-def on_scene(scene: Scene, screens: Sequence[Screen]) -> Scene:
-    """The same in a scene."""
-    of = {s.camera: s.of for s in screens}
-    return replace(scene, cameras=tuple(of[c.name](c) if c.name in of else c for c in scene.cameras))
-
-
 def _black_off(own: Sequence[Condition]) -> bool | None:
     """Whether black is gone from captures that follow the curve; None of those that do not."""
     x, y = (np.concatenate(parts) for parts in zip(*(_pairs(c) for c in own), strict=True))
@@ -93,6 +80,6 @@ def _black_off(own: Sequence[Condition]) -> bool | None:
 def _pairs(c: Condition) -> tuple[np.ndarray, np.ndarray]:
     """Simulated and captured signals over the highest, of what is compared."""
     simulated = c.simulated()
-    black, ok = simulated.black * simulated.top / (2**c.camera.sensor.bit_depth - 1), c.compared
+    black, ok = simulated.black, c.compared
     x = np.maximum(simulated.dn[ok] - black, 0) / (simulated.top - black)
     return x.reshape(-1), (c.mean[ok] / simulated.top).reshape(-1)

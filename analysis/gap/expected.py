@@ -3,7 +3,10 @@
     var(DN) = K² (e + µ_I t + σ_d²) + 1/12       temporal, EMVA 1288
             + K² ((PRNU e)² + DSNU²)             fixed pattern, which is not known pixel by pixel
 
-times the square of the response curve's slope.
+times the square of the response curve's slope. Noise that is less than a DN does not dither rounding, which then adds
+more than 1/12 where a mean lies half way between two codes (8 bits of a camera that has 12, in the dark).
+
+Widrow, Kollár: Quantization noise. Cambridge 2008.
 """
 
 from collections.abc import Sequence
@@ -13,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.gap import cut
+from analysis.gap.halved_colour import halved_colour
 from interchange.camera import Camera, Sensor
 from interchange.effects import Effect, chain
 from interchange.effects.response_curve import ResponseCurve
@@ -25,7 +29,8 @@ SATURATED = 0.95  # of the highest DN
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """``dn``, ``temporal`` and ``fixed`` (variances, DN²), (H, W, C) float32; ``top``: the highest DN."""
+    """``dn``, ``temporal`` and ``fixed`` (variances, DN²), (H, W, C) float32; ``black`` and ``top``: the lowest and
+    the highest DN. All of the image that leaves the camera."""
 
     dn: np.ndarray
     temporal: np.ndarray
@@ -61,7 +66,14 @@ class Noise:
 
 def mean_dn(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
     """(H, W, C) float32: the mean DN of many frames, not rounded; what is cut off at DN 0 is (analysis.gap.cut)."""
-    return np.asarray(cut.mean(*_linear_dn(image, camera, effects)), np.float32)
+    return _compressed(cut.mean(*_linear_dn(image, camera, effects)), camera)
+
+
+def _compressed(dn: np.ndarray, camera: Camera) -> np.ndarray:
+    """What a JPEG makes of it, if the camera's images are some."""
+    sensor = camera.sensor
+    halves = bool(sensor.jpeg_quality) and sensor.jpeg_subsampling
+    return np.asarray(halved_colour(dn) if halves else dn, np.float32)
 
 
 def dn_per_radiance(image: Image, camera: Camera, effects: Sequence[Effect] = ()) -> np.ndarray:
@@ -98,13 +110,13 @@ def expected(
     """The expectation of a capture of ``radiance`` (H, W, 3) by ``camera`` at its exposure and gain; ``noise``: what is
     known of it, instead of the data sheet's."""
     linear, sensor, curve = _linear_dn(Image(radiance, Quantity.RADIANCE, camera), camera, effects)
-    dn = np.asarray(cut.mean(linear, sensor, curve), np.float32)
+    dn = _compressed(cut.mean(linear, sensor, curve), camera)
     slope = np.ones(1)
     if curve is not None:
         linear = np.minimum(linear, 2**sensor.bit_depth - 1)
         slope = _slopes(curve, sensor.bit_depth, sensor.black_level)(linear)
     temporal, fixed = _variance(linear, slope, sensor if noise is None else noise.of(sensor))
-    return Expected(dn, temporal, fixed, sensor.black_level, float(2**sensor.bits_out - 1))
+    return Expected(dn, temporal, fixed, sensor.black_out, float(2**sensor.bits_out - 1))
 
 
 def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +132,15 @@ def _variance(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np
     if cut.is_cut(sensor):
         u = linear / cut.sigma(linear, sensor)
         temporal, fixed = temporal * cut.kept(u), fixed * cut.seen(u) ** 2
-    return (temporal + 1 / 12).astype(np.float32), fixed.astype(np.float32)
+    return (temporal + 1 / 12).astype(np.float32), (fixed + _undithered(temporal)).astype(np.float32)
+
+
+def _undithered(variance: np.ndarray) -> np.ndarray:
+    """DN² by which rounding may add more than 1/12 to noise of this ``variance`` that is less than a DN, where the mean
+    lies half way between two codes: the first harmonic of the variance of a rounded normal variable, or all that two
+    codes make of hardly any noise. Repeats are rounded alike."""
+    first = (4 * variance + 1 / np.pi**2) * np.exp(-2 * np.pi**2 * variance)
+    return np.maximum(first, 1 / 4 - variance - 1 / 12)
 
 
 def per_electron(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

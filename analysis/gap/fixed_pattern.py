@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.expected import noise_variance
 from analysis.gap.noise_finding import NoiseFinding, Number, probability
 from analysis.gap.parallel import each
 
@@ -70,13 +69,13 @@ def _apart(a: Condition, b: Condition) -> bool:
 
 def flat(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, C) float32: DN above black, and weight; 0 at edges and what is not compared."""
-    s = (simulation - c.camera.sensor.black_level).astype(np.float32)
+    s = (simulation - c.camera.sensor.black_out).astype(np.float32)
     step = np.abs(s - cv2.filter2D(s, -1, NEIGHBOURS).reshape(s.shape))
     around = np.ones((3, 3), np.uint8)
     inside = cv2.erode(c.usable(c.simulated()).astype(np.uint8), around)[..., None] > 0
     floor = EDGE * np.maximum(s, float(np.median(s)) / 4)
     edge = cv2.dilate((step > floor).max(axis=2).astype(np.uint8), around)[..., None] > 0
-    temporal, fixed = noise_variance(simulation, c.camera)
+    temporal, fixed = c.variance_at(simulation)
     return s, np.where(inside & ~edge, 1 / (temporal / len(c.captures) + fixed), 0).astype(np.float32)
 
 
@@ -96,7 +95,7 @@ def _block_sums(
     (r_a, s_a, w_a), (r_b, s_b, w_b) = left[a], left[b]
     w = w_a * w_b
     x1 = KEPT * s_a * s_b
-    x2 = np.full_like(x1, KEPT * conditions[a].camera.sensor.K * conditions[b].camera.sensor.K)
+    x2 = np.full_like(x1, KEPT * conditions[a].camera.sensor.K_out * conditions[b].camera.sensor.K_out)
     y = r_a * r_b
     planes = [(w * p).sum(axis=2) for p in (x1 * x1, x1 * x2, x2 * x2, x1 * y, x2 * y)]
     h, v = planes[0].shape

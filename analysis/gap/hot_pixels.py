@@ -163,7 +163,7 @@ def _residual(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndar
     )
     off = r - around
     variance = noise_variance(simulation, c.camera)[0] / len(c.captures) + c.step**2 / 12
-    s = (simulation - c.camera.sensor.black_level).astype(np.float32)
+    s = (simulation - c.camera.sensor.black_out).astype(np.float32)
     down, along = np.gradient(s, axis=(0, 1))
     variance = variance + (TEXTURE * s) ** 2 + SHIFT**2 * (down**2 + along**2)
     usable = c.usable(c.simulated())[..., None] & np.ones(off.shape, bool)
@@ -183,7 +183,7 @@ def _currents(
         np.stack([plane[place] for plane in planes], axis=1).astype(float)
         for planes in zip(*seen, strict=True)
     )
-    K = np.array([c.camera.sensor.K for c in own])
+    K = np.array([c.camera.sensor.K_out for c in own])
     X = np.stack([np.broadcast_to(K * times, s.shape), s, np.broadcast_to(K, s.shape)], axis=2)
     w = 1 / v
     A = np.einsum("nc,nci,ncj->nij", w, X, X) + np.diag([0.0, GAIN**-2, OFFSET**-2])

@@ -46,10 +46,10 @@ class Ledger:
 
 def temporal_scale(conditions: Sequence[Condition]) -> float | None:
     """Measured temporal variance over the sensor model's, from repeats; None without any, and of fewer than ``LEAST``
-    values, which know it to worse than 5 %."""
+    values, which know it to worse than 5 %. Repeats of a JPEG tell none."""
     measured, modelled, count = 0.0, 0.0, 0
     for c in conditions:
-        if c.spread is not None:
+        if c.spread is not None and not c.camera.sensor.jpeg_quality:
             ok = c.usable(c.simulated()) & c.above_zero
             dof = len(c.captures) - 1
             count += dof * c.spread[ok].size
@@ -75,7 +75,7 @@ def ledger(
     ) -> tuple[float, int, list[tuple[str, str, float]]]:
         condition, dn, true = one
         ok = condition.usable(condition.simulated())[..., None] & np.ones(dn.shape, bool)
-        temporal, pattern = noise_variance(true, condition.camera)
+        temporal, pattern = condition.variance_at(true)
         variance = (temporal + pattern).astype(np.float64)
         noise = np.where(ok, ((scale or 1.0) * temporal + pattern) / variance, 0.0)
         square = 0.0

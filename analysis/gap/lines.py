@@ -68,7 +68,7 @@ def without_lines(conditions: Sequence[Condition]) -> tuple[list[Condition], tup
             if not len(signals):  # edges everywhere
                 continue
             sensor = shown[0].camera.sensor
-            pixels = np.hypot(sensor.prnu * signals, sensor.dsnu * sensor.K)
+            pixels = np.hypot(sensor.prnu * signals, sensor.dsnu * sensor.K_out)
             rms = _agreed(halves, signals)
             if rms > max(LEAST, SHARE * float(np.sqrt(np.mean(pixels**2)))):
                 pattern = _followed(planes)
@@ -130,7 +130,7 @@ def _agreed(halves: np.ndarray, signals: np.ndarray) -> float:
 
 def _evened(c: Condition, pattern: np.ndarray, axis: int, rms: float) -> Condition:
     """Without the outermost lines, which have no neighbours on both sides."""
-    black, mask, out = c.camera.sensor.black_level, c.mask.copy(), BESIDE // 2
+    black, mask, out = c.camera.sensor.black_out, c.mask.copy(), BESIDE // 2
     gain, offset = (x[None] if axis == COLUMNS else x[:, None] for x in pattern)
     lines = mask if axis == ROWS else mask.T
     lines[:out], lines[-out:] = False, False
@@ -143,7 +143,7 @@ def left_of_lines(conditions: Sequence[Condition]) -> list[Term]:
     and as gains, an equal part of the variance in each of n waves."""
     terms = []
     for c in {c.camera.name: c for c in conditions}.values():
-        signal = max(float(np.mean(c.mean)) - c.camera.sensor.black_level, 1.0)
+        signal = max(float(np.mean(c.mean)) - c.camera.sensor.black_out, 1.0)
         for axis, rms in c.uneven.items():
             n = c.mean.shape[axis]
             for order in range(1, min(n, round(2 * n / SLOW)) + 1):

@@ -43,11 +43,16 @@ def noise_findings(
     simulations: Sequence[np.ndarray],
     offsets: Mapping[str, float] = MappingProxyType({}),
 ) -> list[NoiseFinding]:
-    """Every effect of this class that can be judged, whatever its probability.
+    """Every effect of this class that can be judged, whatever its probability; of JPEGs what codes show alone.
 
     ``simulations``: (H, W, C) DN of each condition with all that the fit corrects; ``offsets``: DN by which cameras'
     black levels are not their data sheets'.
     """
+    codes = code_findings(conditions, simulations)
+    plain = [k for k, c in enumerate(conditions) if not c.camera.sensor.jpeg_quality]
+    conditions, simulations = [conditions[k] for k in plain], [simulations[k] for k in plain]
+    if not plain:
+        return codes
     repeated = next((c.camera.name for c in conditions if c.spread is not None), "")
     hot = hot_pixels(conditions, simulations)
     cool = less_hot(conditions, hot)
@@ -55,7 +60,7 @@ def noise_findings(
         sensor_noise(cool, simulations, offsets.get(repeated, 0.0)),
         pattern(conditions, simulations, hot),
     )
-    return [*(n for n in judged if n is not None), *code_findings(conditions, simulations)]
+    return [*(n for n in judged if n is not None), *codes]
 
 
 def pattern(

@@ -9,7 +9,7 @@ from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.encoded import Screen
-from analysis.gap.findings import cautious
+from analysis.gap.findings import JPEG, cautious
 from analysis.gap.fit import Fit
 from analysis.gap.ledger import Ledger
 from analysis.gap.matrices import Matrix
@@ -37,6 +37,7 @@ def notes(
     ``screens``: cameras whose captures are encoded; ``mixed``: those with a colour matrix.
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
+    tried |= {JPEG} if any(c.captures[0].bits == 8 for c in conditions) else set()
     found = [
         *_encoded(screens),
         *_mixed(mixed),

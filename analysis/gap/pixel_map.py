@@ -38,7 +38,7 @@ class PixelMaps:
             sensor = c.camera.sensor
             gain, offset = self.of.get(c.camera.name, (0.0, 0.0))
             electrons = offset + c.camera.t_exp * self.hot.get(c.camera.name, 0.0)
-            out.append(dn + (dn - sensor.black_level) * gain + sensor.K * electrons)
+            out.append(dn + (dn - sensor.black_out) * gain + sensor.K_out * electrons)
         return out
 
 
@@ -69,7 +69,7 @@ def _predicted(
         temporal = noise_variance(dn, replace(c.camera, sensor=noise.of(c.camera.sensor)))[0] / len(
             c.captures
         )
-        w, K = ok / temporal, c.camera.sensor.K
+        w, K = ok / temporal, c.camera.sensor.K_out
         known = dn if hot is None else dn + K * c.camera.t_exp * hot
         r = _less_smooth((c.mean - known).astype(np.float32), ok)
         gains += w * s * s

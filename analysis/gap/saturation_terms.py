@@ -42,7 +42,7 @@ def _bright(condition: Condition, knee: float) -> bool:
 
 def _range(sensor: Sensor) -> float:
     """DN."""
-    return float(2**sensor.bits_out - 1 - sensor.black_level)
+    return float(2**sensor.bits_out - 1 - sensor.black_out)
 
 
 def _lost(knee: float) -> Field:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.expected import noise_variance
 from analysis.gap.ledger import LEVELS, bands
 from analysis.gap.regions import lamp_shares, light_regions, zones
 from analysis.gap.state import State
@@ -32,7 +31,7 @@ def shape_left(conditions: Sequence[Condition], simulated: Sequence[np.ndarray])
     size: defaultdict[tuple[str, str], float] = defaultdict(float)
     for condition, dn in zip(conditions, simulated, strict=True):
         ok = condition.usable(condition.simulated())[..., None] & np.ones(dn.shape, bool)
-        temporal, pattern = noise_variance(dn, condition.camera)
+        temporal, pattern = condition.variance_at(dn)
         sigma = np.sqrt(temporal / len(condition.captures) + pattern)
         z = np.where(ok, (condition.mean - dn) / sigma, 0.0)
         for kind, words, weight in _parts(condition):

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.gap.conditions import Condition
-from analysis.gap.expected import noise_variance
 
 SIDE, RESAMPLES = 32, 500
 
@@ -120,7 +119,7 @@ def yardstick(held_out: Sequence[Condition], best: Images, temporal_scale: float
     for condition, dn in zip(held_out, best, strict=True):
         usable = condition.usable(condition.simulated())
         ok.append(usable[..., None] & np.ones(condition.mean.shape, bool))
-        temporal, fixed = noise_variance(dn, condition.camera)
+        temporal, fixed = condition.variance_at(dn)
         variance = (temporal + fixed).astype(np.float64)
         variances.append(variance)
         noises.append((temporal_scale * temporal + fixed) / variance)

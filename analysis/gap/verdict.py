@@ -90,6 +90,17 @@ def against(v: Verdict, written: Sequence[np.ndarray]) -> Verdict:
     return replace(v, shown=shown, gap=shrunk)
 
 
+def further(v: Verdict, off: Sequence[np.ndarray]) -> Verdict:
+    """The verdict where the file is ``off``, (H, W, C) DN of each held-out condition, from what was fitted to, and at
+    its best as well."""
+    written, before = (
+        tuple(dn + x for dn, x in zip(shown, off, strict=True))
+        for shown in (v.shown.as_written, v.shown.before)
+    )
+    shown = replace(v.shown, as_written=written, before=before)
+    return replace(v, shown=shown, gap=gap(v.by, written, before, v.shown.after, np.random.default_rng(0)))
+
+
 def _removed(v: Verdict) -> float:
     """Mean χ² that effects with a name take off."""
     return v.gap.before**2 - v.gap.after**2

@@ -22,7 +22,6 @@ WRITTEN = (
     "sensor_noise",
     "fixed_pattern",
     "saturation",
-    "jpeg",
 )  # effects without a mean that a scene file can say
 
 

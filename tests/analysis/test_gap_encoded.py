@@ -11,11 +11,12 @@ from analysis.gap.attribution import Attribution, waterfall
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import write_corrected
 from analysis.gap.diagnosis import Estimate, Finding
-from analysis.gap.encoded import Screen, as_encoded, encoded, on_scene
+from analysis.gap.encoded import Screen, encoded
 from analysis.gap.expected import mean_dn
 from analysis.gap.findings import SCREEN, Known, with_known
 from analysis.gap.notes import _encoded
 from analysis.gap.shrinkage import Gap
+from analysis.gap.taken_as import on_scene, taken_as
 from interchange.camera import Camera
 from interchange.captures import Captures
 from interchange.effects.response_curve import ResponseCurve
@@ -75,7 +76,7 @@ def test_whether_black_was_taken_off_is_told(off: bool) -> None:
     assert told.black_off is off
     assert told.of(plate.camera).sensor.black_level == (0 if off else 136)
     assert told.of(plate.camera).sensor.response is Response.SRGB
-    (taken,) = as_encoded([plate], [told])
+    (taken,) = taken_as([plate], [told])
     assert encoded([replace(taken, mean=dn.astype(np.float32))]) == []
 
 
@@ -106,8 +107,7 @@ def test_the_corrected_scene_says_so(tmp_path: Path) -> None:
     screens = [Screen("/World/Camera0", True)]
     captures = Captures(BENCH, BENCH, ())
     assert (
-        write_corrected(document, captures, [], tmp_path / "new.usda", partial(on_scene, screens=screens))
-        == {}
+        write_corrected(document, captures, [], tmp_path / "new.usda", partial(on_scene, told=screens)) == {}
     )
     for name, said in (("/World/Camera0", (Response.SRGB, 0.0)), ("/World/Camera1", (Response.LINEAR, 64.0))):
         sensor = open_scene(tmp_path / "new.usda").scene(0).camera(name).sensor

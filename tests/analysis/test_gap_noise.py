@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from analysis.gap.code_findings import flat_top, jpeg, quantization, saturation, with_steps, without_flat_tops
+from analysis.gap.code_findings import flat_top, quantization, saturation, with_steps, without_flat_tops
 from analysis.gap.conditions import Condition
 from analysis.gap.findings import beside_unknown
 from analysis.gap.fixed_pattern import _possible, fixed_pattern
@@ -20,7 +20,6 @@ from interchange.captures import Capture
 from interchange.effects import Effect
 from interchange.effects.black_level import BlackLevel
 from interchange.effects.fixed_pattern import FixedPattern
-from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.response_curve import ResponseCurve
 from interchange.effects.saturation import Saturation
 from interchange.effects.sensor_noise import SensorNoise
@@ -346,24 +345,6 @@ def test_a_cut_that_a_wrong_black_level_makes_is_no_finding() -> None:
     told = saturation(lower, said)
     assert told is not None
     assert told.probability < 0.05
-
-
-@pytest.mark.parametrize(("quality", "halved"), [(0, False), (40, False), (80, True), (92, False)])
-def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -> None:
-    found, _ = _rig(4, sheet=replace(SHEET, bit_depth=8, black_level=4, full_well=2e4))
-    if quality:
-        pack = Jpeg(float(quality), halved)
-
-        def packed(x: Capture) -> Capture:
-            return replace(x, pixels=decoded(pack.encoded(Image(x.pixels))).astype(np.float32))
-
-        found = [replace(c, captures=tuple(map(packed, c.captures))) for c in found]
-    told = jpeg(found)
-    if quality:
-        assert told.probability > 0.95
-        assert told.parameters["quality"].value == pytest.approx(quality, abs=2)
-    else:
-        assert told.probability < 0.05
 
 
 def test_probability_is_the_ratio_of_marginal_likelihoods() -> None:

@@ -1,0 +1,155 @@
+"""Captures that are JPEGs where the scene file says of none: told by the files alone, and taken so before anything is
+fitted. Colour at half the resolution moves the mean image wherever colours meet (analysis.gap.halved_colour), and what
+repeats differ by is no longer the sensor's noise.
+
+Compressing once more changes least at the quality that an image was compressed by.
+
+Farid: Exposing digital forgeries from JPEG ghosts. IEEE Trans. Information Forensics and Security 4(1), 2009.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.diagnosis import Estimate
+from analysis.gap.halved_colour import LUMA
+from analysis.gap.parallel import each
+from interchange.camera import Camera
+from interchange.effects.jpeg import Jpeg, decoded
+from interchange.effects.parts import called
+from interchange.image import Image
+
+QUALITIES = range(20, 101)
+BESIDE = 2  # steps of quality on either side that a dip is held against
+BLOCK = 8  # px
+LEAST = 0.1  # DN that compressing changes: what is dark and even stays as it is at any quality
+STRIP = 256  # px
+ROUNDED = 1.4  # DN, of a colour's difference from brightness: rounding red, green and blue leaves 0.7 at most
+SHALLOW = (
+    0.7  # dip of what compressing once more changes: chance makes 0.85, what was compressed 0.5 and less
+)
+GROUNDS = (
+    "Compressing the captures once more changes least at one quality, as of what was compressed by it: they were taken "
+    "as JPEGs before anything was fitted."
+)
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """A camera whose captures are JPEGs; ``halved``: colour at half the resolution, 4:2:0."""
+
+    camera: str
+    quality: int
+    halved: bool
+
+    def of(self, camera: Camera) -> Camera:
+        """The camera as its captures are."""
+        if camera.name != self.camera:
+            return camera
+        sensor = camera.sensor if camera.sensor.bits_out == 8 else replace(camera.sensor, output_bit_depth=8)
+        return replace(
+            camera, sensor=replace(sensor, jpeg_quality=self.quality, jpeg_subsampling=self.halved)
+        )
+
+
+def is_looked_for(c: Condition) -> bool:
+    """Whether a condition's file can be a JPEG that the scene does not say."""
+    return c.captures[0].bits == 8 and c.camera.sensor.bits_out == 8 and not c.camera.sensor.jpeg_quality
+
+
+def compressed(found: Sequence[Condition]) -> list[Compressed]:
+    """The cameras of which that is so, by the brightest capture of each."""
+    cameras: dict[str, Condition] = {}
+    for c in found:
+        name = c.camera.name
+        if is_looked_for(c) and (name not in cameras or c.mean.mean() > cameras[name].mean.mean()):
+            cameras[name] = c
+    told = each(_told, [c.captures[0].pixels for c in cameras.values()])
+    return [Compressed(name, *t) for name, t in zip(cameras, told, strict=True) if t is not None]
+
+
+def with_errors(found: Sequence[Condition]) -> list[Condition]:
+    """The conditions of cameras whose images are JPEGs with what compressing is off by: of their simulation, with noise
+    of its size, as often as there are repeats."""
+    rng = np.random.default_rng(0)
+
+    def one(c: Condition) -> Condition:
+        sensor = c.camera.sensor
+        if not sensor.jpeg_quality:
+            return c
+        raw = replace(c, camera=replace(c.camera, sensor=replace(sensor, jpeg_quality=0))).simulated()
+        by, sigma = Jpeg.of(c.camera), np.sqrt(raw.variance)
+        again = np.zeros(raw.dn.shape)
+        for _ in c.captures:
+            noisy = np.rint(raw.dn + sigma * rng.standard_normal(sigma.shape, np.float32))
+            again += by.compressed(np.clip(noisy, 0, raw.top).astype(np.uint8))
+        return replace(c, packed=(again / len(c.captures) - c.simulated().dn).astype(np.float32))
+
+    return [one(c) for c in found]
+
+
+def numbers(by: Sequence[Compressed]) -> dict[str, Estimate]:
+    return {
+        f"{called(x.camera)} quality" if len(by) > 1 else "quality": Estimate(x.quality, 1.0, "1") for x in by
+    }
+
+
+def notes(by: Sequence[Compressed]) -> list[str]:
+    if not by:
+        return []
+    names = " and ".join(called(x.camera) for x in by)
+    halved = any(x.halved for x in by)
+    colour = ", colour at half the resolution among it," if halved else ""
+    return [
+        f"The captures of {names} are JPEGs, and the scene says of none: they are taken as such{colour} and the "
+        f"corrected scene says so. What is weak and fine is gone from such images, and repeats tell nothing of the "
+        f"sensor's noise: images that were not compressed tell more."
+    ]
+
+
+def _told(pixels: np.ndarray) -> tuple[int, bool] | None:
+    quality, depth = dip(pixels)
+    return (quality, is_halved(pixels)) if depth < SHALLOW else None
+
+
+def dip(pixels: np.ndarray) -> tuple[int, float]:
+    """The quality at which compressing (H, W, C) once more changes brightness least, and how deep that dips: the change
+    there over the mean of those beside it."""
+    bright = np.rint(pixels @ LUMA if pixels.shape[2] == 3 else pixels[..., 0])[..., None]
+    found = np.array([_changed(bright.astype(np.float32), Jpeg(float(q))) for q in QUALITIES])
+    around = (found[: -2 * BESIDE] + found[2 * BESIDE :]) / 2
+    depth = np.where(around > LEAST, found[BESIDE:-BESIDE] / np.maximum(around, LEAST), 1.0)
+    k = int(np.argmin(depth))
+    return QUALITIES[k + BESIDE], float(depth[k])
+
+
+def _changed(bright: np.ndarray, by: Jpeg) -> float:
+    """Mean absolute change, DN, less that of blocks as a whole: even ones are rounded now this way and now that."""
+    h, w = (x // BLOCK * BLOCK for x in bright.shape[:2])
+    change = (decoded(by.encoded(Image(bright))).astype(np.float32) - bright)[:h, :w, 0]
+    blocks = change.reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK)
+    return float(np.abs(blocks - blocks.mean(axis=(1, 3), keepdims=True)).mean())
+
+
+def is_halved(pixels: np.ndarray) -> bool:
+    """Whether colour (H, W, 3) is what a triangle draws from half the resolution, along columns and along rows, but for
+    what rounding leaves; of an even colour, of which that says nothing, as well."""
+    if pixels.shape[2] != 3:
+        return False
+    colour = pixels[..., [0, 2]] - (pixels @ LUMA)[..., None]
+    left = [_left(along) for along in (colour, colour.swapaxes(0, 1))]
+    return max(left) < ROUNDED
+
+
+def _left(colour: np.ndarray) -> float:
+    """A high percentile of what is left of (n, m, C) where columns are told by half as many numbers."""
+    n = min(len(colour), STRIP) // 2 * 2
+    up = np.zeros((n, n // 2 + 2))  # libjpeg's: three quarters of the nearer one, a quarter of the one beyond
+    row = np.arange(n)
+    up[row, row // 2 + 1] = 0.75
+    up[row, row // 2 + np.where(row % 2, 2, 0)] = 0.25
+    beyond = np.eye(n) - up @ np.linalg.pinv(up)
+    strips = [colour[k : k + n].reshape(n, -1) for k in range(0, len(colour) - n + 1, n)]
+    return float(np.percentile(np.abs(np.concatenate([beyond @ x for x in strips])), 99.5))

@@ -1,0 +1,150 @@
+"""JPEGs that the scene does not say: told by the files, and colour at half the resolution as libjpeg leaves it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.gap.compressed import SHALLOW, Compressed, compressed, dip, notes, numbers, with_errors
+from analysis.gap.conditions import Condition
+from analysis.gap.expected import expected, mean_dn
+from analysis.gap.halved_colour import LUMA, halved_colour
+from analysis.gap.ledger import temporal_scale
+from analysis.gap.noise import noise_findings
+from analysis.gap.radiance import Rendered
+from interchange.camera import Camera, Sensor
+from interchange.captures import Capture
+from interchange.effects.jpeg import Jpeg, decoded
+from interchange.image import Image, Quantity
+from interchange.light import Light, LightKind
+from interchange.scene import Scene
+
+CAMERA = Camera("/World/eye", sensor=Sensor((160, 120), (5e-6, 5e-6), 2e4, 2e4, bit_depth=8, read_noise=60))
+
+
+def colours(rng: np.random.Generator, noise: float = 1.0) -> np.ndarray:
+    """(120, 160, 3) DN: tiles of many colours, 13 px wide, under light that falls off, with noise."""
+    tiles = np.kron(rng.uniform(20, 200, (10, 13, 3)), np.ones((13, 13, 1)))[:120, :160]
+    fall = np.linspace(1, 0.6, 160)[None, :, None]
+    return np.asarray(tiles * fall + noise * rng.standard_normal((120, 160, 3)))
+
+
+def packed(dn: np.ndarray, quality: float, halved: bool) -> np.ndarray:
+    y = np.clip(np.rint(dn), 0, 255).astype(np.float32)
+    return decoded(Jpeg(quality, halved).encoded(Image(y))).astype(np.float32) if quality else y
+
+
+def taken(pixels: np.ndarray, camera: Camera = CAMERA, repeats: int = 1) -> Condition:
+    capture = Capture("a.png", camera.name, 0.0, 1.0, pixels, bits=8)
+    spread = np.zeros_like(pixels) if repeats > 1 else None
+    return Condition((capture,) * repeats, Scene(), camera, pixels, spread, np.ones(pixels.shape[:2], bool))
+
+
+@pytest.mark.parametrize("halved", [True, False])
+@pytest.mark.parametrize("quality", [0, 40, 75, 90, 95, 98])
+def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -> None:
+    told = compressed([taken(packed(colours(np.random.default_rng(quality)), quality, halved))])
+    if not quality:
+        assert told == []
+        return
+    (found,) = told
+    assert abs(found.quality - quality) <= 1
+    assert found.halved is halved
+
+
+def test_grey_has_no_colour_to_halve() -> None:
+    (found,) = compressed([taken(packed(colours(np.random.default_rng(1))[..., :1], 80, False))])
+    assert found == Compressed(CAMERA.name, 80, False)
+
+
+def test_what_is_even_or_noise_alone_is_no_jpeg() -> None:
+    """A dark, even image is rounded now this way and now that, at whatever quality."""
+    noise = np.random.default_rng(2).standard_normal((120, 160, 3))
+    for dn in (np.full((120, 160, 3), 4.0), 4 + 0.3 * noise, 90 + 2 * noise):
+        pixels = packed(dn, 0, False)
+        assert dip(pixels)[1] > SHALLOW + 0.1
+        assert compressed([taken(pixels)]) == []
+
+
+def test_what_the_scene_says_is_not_told_again() -> None:
+    known = Compressed(CAMERA.name, 90, True).of(CAMERA)
+    assert compressed([taken(packed(colours(np.random.default_rng(1)), 90, True), known)]) == []
+
+
+def test_colour_is_halved_as_libjpeg_halves_it() -> None:
+    """At the best quality, where blocks are rounded to a DN or so: sharp colour is off by 8 DN rms."""
+    dn = colours(np.random.default_rng(3), 0.0)
+    through = packed(dn, 100, True)
+    assert np.sqrt(np.mean((through - dn) ** 2)) > 5
+    inside = np.zeros(dn.shape[:2], bool)
+    inside[1:-1, 1:-1] = True
+    assert (
+        np.sqrt(np.mean((through - halved_colour(dn))[inside] ** 2)) < 0.9
+    )  # rounding of YCbCr and RGB: 0.7
+    odd = dn[:119, :157]
+    assert np.sqrt(np.mean((packed(odd, 100, True) - halved_colour(odd)) ** 2)) < 1.2
+
+
+def test_brightness_is_kept_and_grey_is_as_it_was() -> None:
+    dn = colours(np.random.default_rng(4), 0.0)
+    assert halved_colour(dn) @ LUMA == pytest.approx(dn @ LUMA, abs=1e-3)
+    grey = np.repeat(dn[..., :1], 3, axis=2)
+    assert halved_colour(grey) == pytest.approx(grey, abs=1e-3)
+    assert halved_colour(dn[..., :1]) is not None
+    assert np.array_equal(halved_colour(dn[..., :1]), dn[..., :1])
+
+
+def test_a_camera_s_mean_has_its_jpeg() -> None:
+    radiance = (colours(np.random.default_rng(5), 0.0) / 300).astype(np.float32)
+    image = Image(radiance, Quantity.RADIANCE, CAMERA)
+    plain = mean_dn(image, CAMERA)
+    halved = Compressed(CAMERA.name, 90, True).of(CAMERA)
+    assert mean_dn(image, halved) == pytest.approx(halved_colour(plain), abs=1e-3)
+    assert expected(radiance, halved).dn == pytest.approx(halved_colour(plain), abs=1e-3)
+    assert np.array_equal(mean_dn(image, Compressed(CAMERA.name, 90, False).of(CAMERA)), plain)
+
+
+def test_files_of_a_camera_of_more_bits_have_eight() -> None:
+    camera = replace(CAMERA, sensor=replace(CAMERA.sensor, bit_depth=12))
+    sensor = Compressed(CAMERA.name, 90, True).of(camera).sensor
+    assert (sensor.bit_depth, sensor.bits_out, sensor.jpeg_quality) == (12, 8, 90)
+    other = replace(camera, name="/World/other")
+    assert Compressed(CAMERA.name, 90, True).of(other) is other
+
+
+def test_repeats_of_a_jpeg_tell_no_noise() -> None:
+    pixels = packed(colours(np.random.default_rng(6)), 90, True)
+    c = taken(pixels, Compressed(CAMERA.name, 90, True).of(CAMERA), repeats=2)
+    assert temporal_scale([c]) is None
+    assert {n.name for n in noise_findings([c], [pixels])} <= {"quantization", "saturation"}
+
+
+def test_numbers_and_notes_say_which_camera() -> None:
+    one, two = Compressed("/World/a", 90, True), Compressed("/World/b", 80, False)
+    assert list(numbers([one])) == ["quality"]
+    assert {n: x.value for n, x in numbers([one, two]).items()} == {"a quality": 90, "b quality": 80}
+    assert "colour at half" in notes([one])[0]
+    assert "colour at half" not in notes([two])[0]
+    assert notes([]) == []
+
+
+@pytest.mark.parametrize("quality", [50, 75, 92])
+def test_what_compressing_leaves_is_weighed(quality: int) -> None:
+    """Captures of their own simulation, compressed: no more is left than is expected, where there are edges either."""
+    lamp = "/lamp"
+    scene = Scene(lights=(Light(lamp, LightKind.SPHERE, (1.0, 1.0, 1.0)),))
+    radiance = (colours(np.random.default_rng(7), 0.0) / 300).astype(np.float32)
+    nothing = np.zeros_like(radiance)
+    shown = Rendered(scene, CAMERA, {lamp: radiance}, {lamp: np.ones(3)}, nothing, nothing, {}, {})
+    camera = Compressed(CAMERA.name, quality, True).of(CAMERA)
+    bare = replace(taken(nothing, camera), scene=scene, rendered=shown)
+    plain = replace(bare, camera=CAMERA).simulated()
+    noise = np.sqrt(plain.variance) * np.random.default_rng(8).standard_normal(plain.dn.shape)
+    (c,) = with_errors([replace(bare, mean=packed(plain.dn + noise, quality, True))])
+    simulated = c.simulated()
+    left = np.square(c.mean - simulated.dn)
+    unweighed = np.square(c.mean - bare.simulated().dn) / bare.simulated().variance
+    assert unweighed.mean() > 1.5
+    temporal, fixed = c.variance_at(simulated.dn)
+    for variance in (simulated.variance, temporal + fixed):
+        assert 0.8 < (left / variance).mean() < 1.1
