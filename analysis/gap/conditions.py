@@ -99,11 +99,12 @@ class Condition:
         return temporal, fixed + self._compression(temporal, fixed)
 
     def _compression(self, temporal: np.ndarray, fixed: np.ndarray) -> np.ndarray | np.float32:
-        """DN² by which what compressing leaves is more than the noise that it takes off, over some blocks of it."""
+        """DN² that what compressing leaves, over some blocks of it, is more than the noise, or less: it takes noise off,
+        and rounds coefficients of what has edges. Of a code's rounding at least."""
         if self.packed is None:
             return np.float32(0)
         off = cv2.blur(np.square(self.packed), BLOCKS).reshape(self.packed.shape)
-        return np.maximum(off - temporal / len(self.captures) - fixed, 0).astype(np.float32)
+        return (np.maximum(off, 1 / 12) - temporal / len(self.captures) - fixed).astype(np.float32)
 
     @own_property
     def compared(self) -> np.ndarray:
