@@ -99,7 +99,7 @@ class Condition:
         return temporal, fixed + self._compression(temporal, fixed)
 
     def _compression(self, temporal: np.ndarray, fixed: np.ndarray) -> np.ndarray | np.float32:
-        """DN² that what compressing leaves, over some blocks of it, is more than the noise, or less: it takes noise off,
+        """DN² that what compressing leaves, over some blocks of it, is more than noise, or less: it takes noise off,
         and rounds coefficients of what has edges. Of a code's rounding at least."""
         if self.packed is None:
             return np.float32(0)

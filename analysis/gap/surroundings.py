@@ -11,6 +11,7 @@ from interchange.effects.parts import called
 
 BRIGHT = 0.05  # of the mean signal where something is shown; glare and ghosts of lenses in use add less
 AROUND = np.ones((9, 9), np.uint8)  # px: how far a silhouette's blur reaches
+FAR = np.ones((33, 33), np.uint8)  # the same of one that nobody would focus by
 LEAST = 100  # px
 
 
@@ -32,7 +33,7 @@ def without_surroundings(found: Sequence[Condition]) -> tuple[list[Condition], l
                 f"left out; what they throw onto parts and into the lens is not simulated."
             )
     return [
-        replace(c, mask=c.mask & ~_widened(nothing)) if c.camera.name in left_out else c
+        replace(c, mask=c.mask & ~_widened(nothing, AROUND)) if c.camera.name in left_out else c
         for c, nothing in zip(found, bare, strict=True)
     ], notes
 
@@ -42,9 +43,8 @@ def _shows_nothing(c: Condition) -> np.ndarray:
     return np.asarray(c.shown.passes["object_id"] < 0)
 
 
-def _widened(nothing: np.ndarray) -> np.ndarray:
-    """(H, W) bool, with what a silhouette's blur reaches."""
-    return np.asarray(cv2.dilate(nothing.astype(np.uint8), AROUND) > 0)
+def _widened(region: np.ndarray, by: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.dilate(region.astype(np.uint8), by) > 0)
 
 
 def _brightness(own: Sequence[tuple[Condition, np.ndarray]]) -> float:
@@ -54,7 +54,7 @@ def _brightness(own: Sequence[tuple[Condition, np.ndarray]]) -> float:
     dark: list[float] = []
     signal: list[float] = []
     for c, bare in own:
-        nothing, something = bare & c.mask, ~bare & c.mask
+        nothing, something = ~_widened(~bare, FAR) & c.mask, ~bare & c.mask
         if min(np.count_nonzero(nothing), np.count_nonzero(something)) >= LEAST:
             simulated = c.simulated()
             (more if c.lamps else dark).append(float((c.mean - simulated.dn)[nothing].mean()))

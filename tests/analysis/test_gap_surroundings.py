@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from interchange.camera import Camera, Sensor
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
 
-LAMP, SIZE = "/lamp", (96, 64)
+LAMP, SIZE = "/lamp", (160, 120)
 PART = np.zeros((SIZE[1], SIZE[0]), bool)
 PART[16:48, 24:72] = True
 
@@ -76,4 +77,11 @@ def test_a_black_level_is_no_surroundings() -> None:
     higher = [replace(c, mean=c.simulated().dn + level) for c in (lit, dark)]
     found, notes = without_surroundings(higher)
     assert all(c.mask.all() for c in found)
+    assert not notes
+
+
+def test_what_a_blur_spreads_around_a_part_is_no_surroundings() -> None:
+    c = part()
+    found, notes = without_surroundings([replace(c, mean=cv2.GaussianBlur(c.mean, (0, 0), 5.0))])
+    assert found[0].mask.all()
     assert not notes
