@@ -1,5 +1,6 @@
 """The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared, by
-a mosaic of colours, raw, interpolated, through a colour matrix, as a picture (8 bits by sRGB's curve), and as a JPEG.
+a mosaic of colours, raw, interpolated, through a colour matrix, as a picture (8 bits by sRGB's curve), and as JPEGs: of
+that picture, and of the 8 bits as they are.
 
 python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
@@ -59,15 +60,23 @@ def picture(dn: np.ndarray) -> np.ndarray:
     return srgb(colours(dn))
 
 
-def jpeg(dn: np.ndarray) -> np.ndarray:
-    """What a JPEG leaves of it."""
+def packed(y: np.ndarray) -> np.ndarray:
+    """What a JPEG leaves, its colour at half the resolution."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", picture(dn), quality)[1], cv2.IMREAD_COLOR))
+    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", y, quality)[1], cv2.IMREAD_COLOR))
+
+
+def jpeg(dn: np.ndarray) -> np.ndarray:
+    return packed(picture(dn))
+
+
+def compressed(dn: np.ndarray) -> np.ndarray:
+    return packed(eight(dn))
 
 
 FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "colours": colours,
-    "picture": picture, "jpeg": jpeg,
+    "picture": picture, "jpeg": jpeg, "compressed": compressed,
 }  # fmt: skip
 
 

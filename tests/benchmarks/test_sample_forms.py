@@ -25,7 +25,13 @@ def forms(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Captures]:
 
 def test_every_form_can_be_read(forms: dict[str, Captures]) -> None:
     assert set(forms) == {*sample_forms.FORMS, "few", "undeclared"}
-    assert {n for n, c in forms.items() if c.captures[0].bits == 8} == {"eight", "srgb", "picture", "jpeg"}
+    assert {n for n, c in forms.items() if c.captures[0].bits == 8} == {
+        "eight",
+        "srgb",
+        "picture",
+        "jpeg",
+        "compressed",
+    }
     assert {n for n, c in forms.items() if c.captures[0].pixels.shape[2] == 1} == {"grey", "raw"}
     assert len(forms["few"].captures) == len(sample_forms.FEW)
     assert "tolerances" not in json.loads(forms["undeclared"].file.read_text())
