@@ -99,7 +99,7 @@ def _tiles(d: Diagnosis) -> str:
         (f"{g.rmse_dn_before:.1f} → {g.rmse_dn_after:.1f} DN", "rms difference of a pixel, noise included"),
     ]
     if d.effects or d.unknown:
-        tiles.insert(1, (f"{100 * g.explained:.0f} %", "of what can be closed is closed"))
+        tiles.insert(1, (f"{100 * min(g.explained, 1):.0f} %", "of what can be closed is closed"))
     if d.edges:
         e = d.edges
         tiles.append(

@@ -27,7 +27,7 @@ SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability i
 def sentence(d: Diagnosis) -> str:
     """The verdict in one sentence or two."""
     g = d.gap
-    share = f"{100 * d.gap.explained:.0f} %" if d.gap.explained >= LEAST else "nothing"
+    share = f"{100 * min(d.gap.explained, 1):.0f} %" if d.gap.explained >= LEAST else "nothing"
     closing = f"{share} of what can be closed on captures that nothing was fitted to"
     match d.verdict:
         case "none":
