@@ -152,7 +152,10 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
         captures, document = taken(pure)
         found = with_steps(with_files_bits(conditions(captures, document)))
-        whole = [replace(c, rendered=r, mask=w.mask) for c, r, w in zip(found, rendered, whole, strict=True)]
+        whole = [
+            replace(c, rendered=r, mask=c.mask & w.mask)
+            for c, r, w in zip(found, rendered, whole, strict=True)
+        ]
     said = {c.name: c.camera for c in found}
     return Beforehand(
         captures,
