@@ -237,7 +237,7 @@ def _level(search: "Search", n: int) -> _Level:
         there = shown[id(condition.shown)]
         seen = np.ones(weight.shape[:2], bool)
         camera = replace(_camera(condition.camera, n), t_exp=condition.camera.t_exp)
-        coarse = replace(condition, camera=camera, rendered=there, mask=seen, mean=r)
+        coarse = replace(condition, camera=camera, rendered=there, mask=seen, mean=r, packed=None)
         brighter = float(search.model(home, home).state(coarse).signal.sum() / means(state.signal, n).sum())
         coarse = replace(coarse, camera=replace(camera, t_exp=camera.t_exp / brighter))  # larger pixels
         simulated = search.model(home, home).state(coarse).simulation.dn
@@ -269,4 +269,7 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
 
 def _camera(camera: Camera, n: int) -> Camera:
     width, height = (x // n for x in camera.sensor.resolution)
-    return cropped(camera, slice(0, height * n), slice(0, width * n)).resized(width)
+    coarse = cropped(camera, slice(0, height * n), slice(0, width * n)).resized(width)
+    return replace(
+        coarse, sensor=replace(coarse.sensor, jpeg_quality=0)
+    )  # whose blocks are of the own pixels

@@ -70,6 +70,11 @@ def test_read_noise_of_own_pixels_is_the_sensor_s() -> None:
     assert own["read_noise"].value == pytest.approx(SENSOR.read_noise)
 
 
+def test_means_are_no_jpeg() -> None:
+    sensor = replace(SENSOR, output_bit_depth=8, jpeg_quality=90)
+    assert binned_camera(replace(CAMERA, sensor=sensor), N).sensor.jpeg_quality == 0
+
+
 def test_some_pixels_must_be_left() -> None:
     with pytest.raises(BrightfieldError, match="--bin 4 leaves less than 16"):
         binned_camera(CAMERA, 4)
