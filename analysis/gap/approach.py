@@ -270,6 +270,5 @@ def _rendered(shown: Rendered, n: int) -> Rendered:
 def _camera(camera: Camera, n: int) -> Camera:
     width, height = (x // n for x in camera.sensor.resolution)
     coarse = cropped(camera, slice(0, height * n), slice(0, width * n)).resized(width)
-    return replace(
-        coarse, sensor=replace(coarse.sensor, jpeg_quality=0)
-    )  # whose blocks are of the own pixels
+    # a JPEG's blocks are of the own pixels
+    return replace(coarse, sensor=replace(coarse.sensor, jpeg_quality=0))

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.gap import compressed as jpegs
 from analysis.gap.binned import Binning, binned_captures, binning_of
 from analysis.gap.code_findings import with_steps
-from analysis.gap.compressed import Compressed, compressed, with_errors
+from analysis.gap.compressed import GROUNDS as PACKED
+from analysis.gap.compressed import Compressed, compressed, qualities, with_errors
+from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.encoded import GROUNDS, Screen, encoded, is_linear
@@ -72,8 +73,8 @@ class Beforehand:
         if self.packed:
             least, names = v.gap.before**2, [x.camera for x in self.packed]
             v = further(v, [self._unpacked(c) - c.simulated().dn for c in held])
-            numbers_of = jpegs.numbers(self.packed)
-            known.append(Known(JPEG, numbers_of, jpegs.GROUNDS, v.gap.before**2 - least, self._alone(names)))
+            told, taken_off = qualities(self.packed), v.gap.before**2 - least
+            known.append(Known(JPEG, told, PACKED, taken_off, self._alone(names)))
         if self.mixed:
             least = v.gap.before**2
             v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])
@@ -113,7 +114,11 @@ class Beforehand:
 
     @property
     def notes(self) -> list[str]:
-        return [*self.around, *jpegs.notes(self.packed), *notes_on_pixels(self.own, self.by)]
+        return [
+            *self.around,
+            *notes_on_jpegs(self.packed, [m.camera for m in self.mixed]),
+            *notes_on_pixels(self.own, self.by),
+        ]
 
     def _unpacked(self, c: Condition) -> np.ndarray:
         """(H, W, C) simulated DN of a camera whose images are as they were before they were compressed."""

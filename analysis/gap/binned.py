@@ -190,9 +190,8 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     numbers = {name: getattr(s, name) * by.averaged**k for name, k in OF_SENSOR.items()}
     share, dark = s.hot_pixels
     hot = (min(share * by.averaged**2, 1.0), dark)
-    binned = replace(
-        camera.sensor, **numbers, hot_pixels=hot, jpeg_quality=0
-    )  # its blocks are of the own pixels
+    # a JPEG's blocks are of the own pixels
+    binned = replace(camera.sensor, **numbers, hot_pixels=hot, jpeg_quality=0)
     read = (binned.K * binned.read_noise) ** 2 - by.rounding
     binned = replace(binned, read_noise=sqrt(max(read, 0.0)) / binned.K)
     camera = replace(camera, sensor=_behind_filters(binned, n) if by.colours else binned)

@@ -102,22 +102,29 @@ def with_errors(found: Sequence[Condition]) -> list[Condition]:
     return [one(c) for c in found]
 
 
-def numbers(by: Sequence[Compressed]) -> dict[str, Estimate]:
+def qualities(by: Sequence[Compressed]) -> dict[str, Estimate]:
     return {
         f"{called(x.camera)} quality" if len(by) > 1 else "quality": Estimate(x.quality, 1.0, "1") for x in by
     }
 
 
-def notes(by: Sequence[Compressed]) -> list[str]:
+def notes(by: Sequence[Compressed], mixed: Sequence[str] = ()) -> list[str]:
+    """``mixed``: cameras whose colour matrix is taken back."""
     if not by:
         return []
+    both = " and ".join(called(x.camera) for x in by if x.camera in mixed)
+    doubtful = (
+        f"A colour matrix is taken back from the JPEGs of {both}, and what that makes of their errors is not weighed: "
+        f"effects that change colours or edges are doubtful there."
+    )
     names = " and ".join(called(x.camera) for x in by)
     halved = any(x.halved for x in by)
     colour = ", colour at half the resolution among it," if halved else ""
     return [
         f"The captures of {names} are JPEGs, and the scene says of none: they are taken as such{colour} and the "
         f"corrected scene says so. What is weak and fine is gone from such images, and repeats tell nothing of the "
-        f"sensor's noise: images that were not compressed tell more."
+        f"sensor's noise: images that were not compressed tell more.",
+        *([doubtful] if both else []),
     ]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.compressed import SHALLOW, Compressed, compressed, dip, notes, numbers, with_errors
+from analysis.gap.compressed import SHALLOW, Compressed, compressed, dip, notes, qualities, with_errors
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected, mean_dn
 from analysis.gap.halved_colour import LUMA, halved_colour
@@ -93,7 +93,6 @@ def test_brightness_is_kept_and_grey_is_as_it_was() -> None:
     assert halved_colour(dn) @ LUMA == pytest.approx(dn @ LUMA, abs=1e-3)
     grey = np.repeat(dn[..., :1], 3, axis=2)
     assert halved_colour(grey) == pytest.approx(grey, abs=1e-3)
-    assert halved_colour(dn[..., :1]) is not None
     assert np.array_equal(halved_colour(dn[..., :1]), dn[..., :1])
 
 
@@ -122,13 +121,15 @@ def test_repeats_of_a_jpeg_tell_no_noise() -> None:
     assert {n.name for n in noise_findings([c], [pixels])} <= {"quantization", "saturation"}
 
 
-def test_numbers_and_notes_say_which_camera() -> None:
+def test_qualities_and_notes_say_which_camera() -> None:
     one, two = Compressed("/World/a", 90, True), Compressed("/World/b", 80, False)
-    assert list(numbers([one])) == ["quality"]
-    assert {n: x.value for n, x in numbers([one, two]).items()} == {"a quality": 90, "b quality": 80}
+    assert list(qualities([one])) == ["quality"]
+    assert {n: x.value for n, x in qualities([one, two]).items()} == {"a quality": 90, "b quality": 80}
     assert "colour at half" in notes([one])[0]
     assert "colour at half" not in notes([two])[0]
     assert notes([]) == []
+    assert len(notes([one, two], ["/World/c"])) == 1
+    assert "JPEGs of b, and" in notes([one, two], ["/World/b"])[1]
 
 
 @pytest.mark.parametrize("quality", [50, 75, 92])

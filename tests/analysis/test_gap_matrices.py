@@ -67,7 +67,9 @@ def test_a_matrix_is_told_by_camera_whatever_the_lens_and_the_gains() -> None:
     want /= want.sum(axis=1, keepdims=True)
     assert found.rows == pytest.approx(want, abs=0.01)  # 1000 px a colour of 3 % noise
     told = numbers([found], {})
-    assert (told["rg"].value, told["bg"].value) == pytest.approx((found.rows[0, 1], found.rows[2, 1]))
+    assert (told["rg"].value, told["bg"].value) == pytest.approx(
+        (found.rows[0, 1], found.rows[2, 1]), rel=1e-14
+    )
     assert all(0 < x.sigma < 0.01 for x in told.values())
     more = numbers([found], {"rg": Estimate(0.02, 0.003, "1")})["rg"]
     assert more.sigma == 0.003
