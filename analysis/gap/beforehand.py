@@ -164,7 +164,7 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     said = {c.name: c.camera for c in found}
     return Beforehand(
         captures,
-        tuple(with_errors(taken_as(whole, (*packed, *screens)))),
+        tuple(with_errors(taken_as(whole, (*packed, *screens)), mixed)),
         own,
         by,
         tuple(packed),

@@ -15,11 +15,14 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Estimate
 from analysis.gap.halved_colour import LUMA
+from analysis.gap.matrices import Matrix
 from analysis.gap.parallel import each
+from analysis.gap.processing import Processing, mosaic_of
 from interchange.camera import Camera
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.parts import called
 from interchange.image import Image
+from interchange.sensor import Mosaic
 
 QUALITIES = range(20, 101)
 BESIDE = 2  # steps of quality on either side that a dip is held against
@@ -31,6 +34,7 @@ SHALLOW = (
     0.7  # dip of what compressing once more changes: chance makes 0.97, what was compressed 0.35 and less
 )
 DRAWS = 8
+FEW = 2  # draws, to tell a mosaic
 TWIN = 0.01  # of the signal, that a twin is off: whole images are not rounded alike
 GROUNDS = (
     "Compressing the captures once more changes least at one quality, as of what was compressed by it: they were taken "
@@ -72,34 +76,62 @@ def compressed(found: Sequence[Condition]) -> list[Compressed]:
     return [Compressed(name, *t) for name, t in zip(cameras, told, strict=True) if t is not None]
 
 
-def with_errors(found: Sequence[Condition]) -> list[Condition]:
+def with_errors(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> list[Condition]:
     """The conditions of cameras whose images are JPEGs without what compressing takes off their simulation in the mean
     (weak detail, of colours above all), and with what it is off by in one of ``DRAWS``: of the simulation with
     noise of its size, a twin's error of ``TWIN`` and as many repeats. Captures are weighed by all of that, the mean
-    among it: it is only as true as the simulation is, and hardly is where that has another renderer's edges."""
-    rng = np.random.default_rng(0)
+    among it: it is only as true as the simulation is, and hardly is where that has another renderer's edges.
+
+    ``mixed``: matrices that were taken back; what is compressed went through them, and through a mosaic if the
+    brightest capture of a camera shows one (analysis.gap.processing)."""
+    rng, before = np.random.default_rng(0), processings(found, mixed)
 
     def one(c: Condition) -> Condition:
-        sensor = c.camera.sensor
-        if not sensor.jpeg_quality:
+        if not c.camera.sensor.jpeg_quality:
             return c
-        raw = replace(c, camera=replace(c.camera, sensor=replace(sensor, jpeg_quality=0))).simulated()
-        by, sigma = Jpeg.of(c.camera), np.sqrt(raw.variance)
-
-        def off() -> np.ndarray:
-            scale = 1 + TWIN * rng.standard_normal()
-            dn = raw.black + scale * (raw.dn - raw.black)
-            again = np.zeros(dn.shape)
-            for _ in c.captures:
-                noisy = np.rint(dn + sigma * rng.standard_normal(sigma.shape, np.float32))
-                again += by.compressed(np.clip(noisy, 0, raw.top).astype(np.uint8))
-            return again / len(c.captures) - scale * (c.simulated().dn - raw.black) - raw.black
-
-        draws = np.stack([off() for _ in range(DRAWS)])
+        draws = _off(c, before[c.camera.name], rng, DRAWS)
         mean = draws.mean(axis=0)
         return replace(c, mean=(c.mean - mean).astype(np.float32), packed=draws[0].astype(np.float32))
 
     return [one(c) for c in found]
+
+
+def processings(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> dict[str, Processing]:
+    """By name what the cameras whose images are JPEGs do before, by the brightest capture of each."""
+    of = {m.camera: m for m in mixed}
+    told: dict[str, Processing] = {}
+    for c in sorted(found, key=lambda c: -float(c.mean.mean())):
+        camera, sensor = c.camera, c.camera.sensor
+        if camera.name in told or not sensor.jpeg_quality:
+            continue
+        plain = Processing(camera, of.get(camera.name))
+        if c.mean.shape[2] == 3 and sensor.mosaic is Mosaic.NONE:
+
+            def off(pattern: Mosaic, c: Condition = c, plain: Processing = plain) -> np.ndarray:
+                by = replace(plain, mosaic=pattern)
+                return np.asarray(_off(c, by, np.random.default_rng(0), FEW).mean(axis=0))
+
+            plain = replace(plain, mosaic=mosaic_of(c, off))
+        told[camera.name] = plain
+    return told
+
+
+def _off(c: Condition, before: Processing, rng: np.random.Generator, draws: int) -> np.ndarray:
+    """(draws, H, W, C) DN by which a condition's mean is off its simulation, compressed and ``before``."""
+    sensor = c.camera.sensor
+    raw = replace(c, camera=replace(c.camera, sensor=replace(sensor, jpeg_quality=0))).simulated()
+    by, sigma, simulated = Jpeg.of(c.camera), np.sqrt(raw.variance), c.simulated().dn
+
+    def off() -> np.ndarray:
+        scale = 1 + TWIN * rng.standard_normal()
+        dn = raw.black + scale * (raw.dn - raw.black)
+        again = np.zeros(dn.shape)
+        for _ in c.captures:
+            noisy = before.applied(dn + sigma * rng.standard_normal(sigma.shape, np.float32))
+            again += before.taken_back(by.compressed(np.clip(np.rint(noisy), 0, raw.top).astype(np.uint8)))
+        return again / len(c.captures) - scale * (simulated - raw.black) - raw.black
+
+    return np.stack([off() for _ in range(draws)])
 
 
 def qualities(by: Sequence[Compressed]) -> dict[str, Estimate]:

@@ -70,7 +70,7 @@ class Matrix:
 
     def taken_back(self, dn: np.ndarray, camera: Camera) -> np.ndarray:
         """(H, W, 3) DN as they were before the matrix, with what the camera does after it."""
-        return _encoded(_linear(dn, camera) @ np.linalg.inv(self.rows).T, camera)
+        return encoded_above(linear_above(dn, camera) @ np.linalg.inv(self.rows).T, camera)
 
 
 def matrices(found: Sequence[Condition]) -> list[Matrix]:
@@ -146,14 +146,14 @@ def as_mixed(c: Condition, dn: np.ndarray, by: Sequence[Matrix]) -> np.ndarray:
     return next((m.taken_back(dn, c.camera) for m in by if m.camera == c.camera.name), dn)
 
 
-def _linear(dn: np.ndarray, camera: Camera) -> np.ndarray:
+def linear_above(dn: np.ndarray, camera: Camera) -> np.ndarray:
     """Of DN those above black that were there before a camera's curve."""
     s, curve = camera.sensor, ResponseCurve.of(camera)
     x = np.arange(2**s.bit_depth)
     return np.interp(dn, curve.output(x, s.bit_depth, s.black_level), x) - s.black_level
 
 
-def _encoded(above: np.ndarray, camera: Camera) -> np.ndarray:
+def encoded_above(above: np.ndarray, camera: Camera) -> np.ndarray:
     """The DN of a camera whose curve gets so many above black."""
     s = camera.sensor
     dn = ResponseCurve.of(camera).output(above + s.black_level, s.bit_depth, s.black_level)
@@ -175,7 +175,7 @@ def with_matrices(scene: Scene, by: Sequence[Matrix]) -> Scene:
 
 def _cells(c: Condition) -> Cells:
     """What a condition shows of each colour."""
-    simulated, captured = (_linear(dn, c.camera) for dn in (c.simulated().dn, c.mean))
+    simulated, captured = (linear_above(dn, c.camera) for dn in (c.simulated().dn, c.mean))
     around = np.ones((3, 3), np.uint8)
     steps = cv2.dilate(simulated, around) - cv2.erode(simulated, around)
     even = (steps < EVEN * simulated.max(axis=2, keepdims=True)).all(axis=2)

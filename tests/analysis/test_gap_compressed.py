@@ -3,23 +3,36 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from analysis.gap.compressed import SHALLOW, Compressed, compressed, dip, notes, qualities, with_errors
+from analysis.gap.compressed import (
+    SHALLOW,
+    Compressed,
+    compressed,
+    dip,
+    notes,
+    processings,
+    qualities,
+    with_errors,
+)
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import expected, mean_dn
 from analysis.gap.halved_colour import LUMA, halved_colour
 from analysis.gap.ledger import temporal_scale
+from analysis.gap.matrices import Matrix, unmixed
 from analysis.gap.noise import noise_findings
+from analysis.gap.processing import Processing
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera, Sensor
-from interchange.captures import Capture
+from interchange.captures import Capture, Captures
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.formats.document import open_scene
 from interchange.image import Image, Quantity
 from interchange.light import Light, LightKind
 from interchange.scene import Scene
+from interchange.sensor import Mosaic
 from tests.analysis.gap_bench import Rig, rig_in
 
 CAMERA = Camera("/World/eye", sensor=Sensor((160, 120), (5e-6, 5e-6), 2e4, 2e4, bit_depth=8, read_noise=60))
@@ -132,16 +145,20 @@ def test_qualities_and_notes_say_which_camera() -> None:
     assert "JPEGs of b, and" in notes([one, two], ["/World/b"])[1]
 
 
-@pytest.mark.parametrize("quality", [50, 75, 92])
-def test_what_compressing_leaves_is_weighed(quality: int) -> None:
-    """Captures of their own simulation, compressed: no more is left than is expected, and less than before."""
+def lit(camera: Camera) -> Condition:
+    """Tiles of many colours, simulated; nothing is captured."""
     lamp = "/lamp"
     scene = Scene(lights=(Light(lamp, LightKind.SPHERE, (1.0, 1.0, 1.0)),))
     radiance = (colours(np.random.default_rng(7), 0.0) / 300).astype(np.float32)
     nothing = np.zeros_like(radiance)
     shown = Rendered(scene, CAMERA, {lamp: radiance}, {lamp: np.ones(3)}, nothing, nothing, {}, {})
-    camera = Compressed(CAMERA.name, quality, True).of(CAMERA)
-    bare = replace(taken(nothing, camera), scene=scene, rendered=shown)
+    return replace(taken(nothing, camera), scene=scene, rendered=shown)
+
+
+@pytest.mark.parametrize("quality", [50, 75, 92])
+def test_what_compressing_leaves_is_weighed(quality: int) -> None:
+    """Captures of their own simulation, compressed: no more is left than is expected, and less than before."""
+    bare = lit(Compressed(CAMERA.name, quality, True).of(CAMERA))
     plain = replace(bare, camera=CAMERA).simulated()
     noise = np.sqrt(plain.variance) * np.random.default_rng(8).standard_normal(plain.dn.shape)
     (c,) = with_errors([replace(bare, mean=packed(plain.dn + noise, quality, True))])
@@ -153,6 +170,47 @@ def test_what_compressing_leaves_is_weighed(quality: int) -> None:
     temporal, fixed = c.variance_at(simulated.dn)
     for variance in (simulated.variance, temporal + fixed):
         assert (left / variance).mean() < 1.1
+
+
+def blurred(dn: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.GaussianBlur(dn, (0, 0), 0.7))
+
+
+@pytest.mark.parametrize("pattern", [p for p in Mosaic if p is not Mosaic.MONO])
+def test_the_mosaic_before_a_jpeg_is_told_and_blur_is_none(pattern: Mosaic) -> None:
+    bare = lit(Compressed(CAMERA.name, 95, True).of(CAMERA))
+    plain = replace(bare, camera=CAMERA).simulated()
+    noise = np.sqrt(plain.variance) * np.random.default_rng(8).standard_normal(plain.dn.shape)
+    for fall in (1.0, np.linspace(1, 0.8, 160)[:, None]):  # a vignetting that is not simulated
+        by = Processing(CAMERA, None, pattern)
+        through = packed(by.applied(fall * plain.dn + noise), 95, True)
+        told = processings([replace(bare, mean=through)])[CAMERA.name]
+        assert told.mosaic is pattern
+    soft = packed(blurred(plain.dn) + noise, 95, True)
+    assert processings([replace(bare, mean=soft)])[CAMERA.name].mosaic is Mosaic.NONE
+
+
+def test_what_a_matrix_and_a_mosaic_make_of_a_jpeg_is_weighed() -> None:
+    """Captures of their own simulation, interpolated, mixed, compressed and unmixed: most of what that
+    does is gone from them, and the rest is weighed."""
+    rows = np.array([[1.5, -0.4, -0.1], [-0.25, 1.45, -0.2], [-0.05, -0.5, 1.55]])
+    matrix = Matrix(CAMERA.name, rows, (0.0,) * 6)
+    bare = lit(Compressed(CAMERA.name, 95, True).of(CAMERA))
+    plain = replace(bare, camera=CAMERA).simulated()
+    noise = np.sqrt(plain.variance) * np.random.default_rng(8).standard_normal(plain.dn.shape)
+    through = packed(Processing(CAMERA, matrix, Mosaic.RGGB).applied(plain.dn + noise), 95, True)
+    file = Capture("a.png", CAMERA.name, 0.0, 1.0, through, bits=8)
+    files = Captures(Path("captures.json"), Path("scene.usda"), (file,))
+    (back,) = unmixed(files, {CAMERA.name: CAMERA}, [matrix]).captures
+    assert back.mask is not None
+    captured = replace(bare, captures=(back,), mean=back.pixels, mask=back.mask)
+
+    (c,) = with_errors([captured], [matrix])
+    simulated = c.simulated()
+    ok = captured.compared
+    left, before = (np.square(x - simulated.dn)[ok] for x in (c.mean, captured.mean))
+    assert left.mean() < 0.5 * before.mean()
+    assert (left / simulated.variance[ok]).mean() < 1.15
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,81 @@
+"""What a colour camera that gives out JPEGs did to its pixels before, where the scene file says nothing of it: channels
+that a pixel does not have are interpolated from a mosaic, and colours go through a matrix (analysis.gap.matrices).
+
+In a JPEG no pixel is left as it was measured, so that the mosaic is not taken back: it is simulated with what
+compressing does (analysis.gap.compressed). Which of the four patterns it is, is told where colours meet: interpolated
+by the right one, a simulation is nearest to the captures. Blur alone brings all four nearer alike.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from analysis.gap.conditions import Condition
+from analysis.gap.matrices import Matrix, encoded_above, linear_above
+from interchange.camera import Camera
+from interchange.effects.demosaic import Demosaic as Interpolation
+from interchange.effects.mosaic import phases
+from interchange.image import Image
+from interchange.sensor import Demosaic, Mosaic
+
+BAYER = tuple(pattern for pattern in Mosaic if pattern.is_bayer)
+WIDE = 8.0  # px, σ: what is wider than edges is no interpolation's
+CLEAR = 1.25  # times as much that the right pattern takes off of the captures' distance as the others do in the mean
+
+
+@dataclass(frozen=True, eq=False)
+class Processing:
+    """``matrix``: None where colours stay as they are; ``mosaic``: NONE where every pixel measures all channels."""
+
+    camera: Camera
+    matrix: Matrix | None = None
+    mosaic: Mosaic = Mosaic.NONE
+
+    @property
+    def is_there(self) -> bool:
+        return self.matrix is not None or self.mosaic.is_bayer
+
+    def applied(self, dn: np.ndarray) -> np.ndarray:
+        """(H, W, 3) DN of pixels, after the camera's curve, as they are where that comes last."""
+        if not self.is_there:
+            return dn
+        above = linear_above(dn, self.camera)
+        if self.mosaic.is_bayer:
+            above = self._interpolated(above)
+        if self.matrix is not None:
+            above = above @ self.matrix.rows.T
+        return encoded_above(above, self.camera)
+
+    def taken_back(self, dn: np.ndarray) -> np.ndarray:
+        """(H, W, 3) DN as they were before the matrix, rounded and cut off as captures are (matrices.unmixed)."""
+        if self.matrix is None:
+            return dn
+        top = 2**self.camera.sensor.bits_out - 1
+        return np.clip(np.rint(self.matrix.taken_back(dn, self.camera)), 0, top)
+
+    def _interpolated(self, above: np.ndarray) -> np.ndarray:
+        black = self.camera.sensor.black_level
+        raw = np.empty(above.shape[:2], np.float32)
+        for i, j, channel in phases(self.mosaic):
+            raw[i::2, j::2] = above[i::2, j::2, channel]
+        by = Interpolation(Demosaic.BILINEAR, self.mosaic)
+        return by.apply(Image(raw[..., None] + black), self.camera, None).pixels - black
+
+
+def mosaic_of(c: Condition, off: Callable[[Mosaic], np.ndarray]) -> Mosaic:
+    """The mosaic that a condition's capture was interpolated from; NONE where it was not, or hides it. ``off``: DN
+    (H, W, 3) that go to a simulation where it is interpolated from a mosaic."""
+    left, ok = _sharp(c.mean - c.simulated().dn - off(Mosaic.NONE)), c.compared
+    taken_off = {}
+    for pattern in BAYER:
+        more = _sharp(off(pattern) - off(Mosaic.NONE))
+        taken_off[pattern] = float(np.square(left[ok]).sum() - np.square(left[ok] - more[ok]).sum())
+    best = max(taken_off, key=lambda p: taken_off[p])
+    others = float(np.mean([x for pattern, x in taken_off.items() if pattern is not best]))
+    return best if taken_off[best] > max(CLEAR * others, 0.0) else Mosaic.NONE
+
+
+def _sharp(dn: np.ndarray) -> np.ndarray:
+    return dn - cv2.GaussianBlur(dn, (0, 0), WIDE)
