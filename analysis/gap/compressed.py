@@ -145,9 +145,9 @@ def notes(by: Sequence[Compressed], mixed: Sequence[str] = ()) -> list[str]:
     if not by:
         return []
     both = " and ".join(called(x.camera) for x in by if x.camera in mixed)
-    doubtful = (
-        f"A colour matrix is taken back from the JPEGs of {both}, and what that makes of their errors is not weighed: "
-        f"effects that change colours or edges are doubtful there."
+    weighed = (
+        f"A colour matrix is taken back from the JPEGs of {both}, and what that makes of their errors is simulated and "
+        f"weighed: colours that it cut a channel off tell little there."
     )
     names = " and ".join(called(x.camera) for x in by)
     halved = any(x.halved for x in by)
@@ -156,7 +156,7 @@ def notes(by: Sequence[Compressed], mixed: Sequence[str] = ()) -> list[str]:
         f"The captures of {names} are JPEGs, and the scene says of none: they are taken as such{colour} and the "
         f"corrected scene says so. What is weak and fine is gone from such images, and repeats tell nothing of the "
         f"sensor's noise: images that were not compressed tell more.",
-        *([doubtful] if both else []),
+        *([weighed] if both else []),
     ]
 
 
