@@ -5,7 +5,8 @@ Interpolated, two of a pixel's three numbers are made of the neighbours' and hav
 which would be taken for a sensor with less noise. What was interpolated follows from what was measured nearby: by least
 squares, with weights of its own for each place of the 2 x 2 pixels. Only where the pattern is the right one; by any
 other, and in captures where every pixel measured all, noise is left. Linear ways of interpolating leave rounding alone,
-those that choose by edges or that a curve follows still less than half. A JPEG hides it (analysis.gap.processing tells it there).
+those that choose by edges or that a curve follows still less than half. A JPEG hides it from that:
+analysis.gap.processing tells it there.
 
 Raw, neighbours differ in colour: a pixel and the mean of the four around it, which leaves neither even light nor a
 gradient, differ in the same way all over a surface, the two greens of 2 x 2 pixels alike. Which of the other two is red
