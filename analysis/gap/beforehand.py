@@ -12,7 +12,7 @@ import numpy as np
 from analysis.gap.binned import Binning, binned_captures, binning_of
 from analysis.gap.code_findings import with_steps
 from analysis.gap.compressed import GROUNDS as PACKED
-from analysis.gap.compressed import Compressed, compressed, qualities, with_errors
+from analysis.gap.compressed import Compressed, compressed, processings, qualities, with_errors
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.diagnosis import Edges, Estimate, Finding
@@ -33,6 +33,7 @@ from analysis.gap.mosaics import must_say_its_mosaic
 from analysis.gap.overlap import must_overlap, with_files_bits
 from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
 from analysis.gap.own_pixels import notes as notes_on_pixels
+from analysis.gap.processing import notes as notes_on_mosaics
 from analysis.gap.radiance import Rendered
 from analysis.gap.surroundings import without_surroundings
 from analysis.gap.taken_as import on_scene, taken_as
@@ -50,7 +51,7 @@ class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
     together. ``packed``, ``screens`` and ``mixed``: the cameras whose captures are JPEGs, follow a curve or went
     through a matrix; ``said``: cameras by their conditions' names, as the scene file has them. ``around``: notes of
-    surroundings."""
+    surroundings and of mosaics."""
 
     captures: Captures
     conditions: tuple[Condition, ...]
@@ -162,14 +163,16 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
             for c, r, w in zip(found, rendered, whole, strict=True)
         ]
     said = {c.name: c.camera for c in found}
+    whole = taken_as(whole, (*packed, *screens))
+    before = processings(whole, mixed)
     return Beforehand(
         captures,
-        tuple(with_errors(taken_as(whole, (*packed, *screens)), mixed)),
+        tuple(with_errors(whole, before)),
         own,
         by,
         tuple(packed),
         tuple(screens),
         tuple(mixed),
         said,
-        tuple(around),
+        (*around, *notes_on_mosaics(list(before.values()))),
     )

@@ -7,7 +7,7 @@ Compressing once more changes least at the quality that an image was compressed 
 Farid: Exposing digital forgeries from JPEG ghosts. IEEE Trans. Information Forensics and Security 4(1), 2009.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from analysis.gap.diagnosis import Estimate
 from analysis.gap.halved_colour import LUMA
 from analysis.gap.matrices import Matrix
 from analysis.gap.parallel import each
-from analysis.gap.processing import Processing, mosaic_of
+from analysis.gap.processing import Processing, mosaic_shown
 from interchange.camera import Camera
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.parts import called
@@ -76,15 +76,14 @@ def compressed(found: Sequence[Condition]) -> list[Compressed]:
     return [Compressed(name, *t) for name, t in zip(cameras, told, strict=True) if t is not None]
 
 
-def with_errors(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> list[Condition]:
+def with_errors(found: Sequence[Condition], before: Mapping[str, Processing]) -> list[Condition]:
     """The conditions of cameras whose images are JPEGs without what compressing takes off their simulation in the mean
     (weak detail, of colours above all), and with what it is off by in one of ``DRAWS``: of the simulation with
     noise of its size, a twin's error of ``TWIN`` and as many repeats. Captures are weighed by all of that, the mean
     among it: it is only as true as the simulation is, and hardly is where that has another renderer's edges.
 
-    ``mixed``: matrices that were taken back; what is compressed went through them, and through a mosaic if the
-    brightest capture of a camera shows one (analysis.gap.processing)."""
-    rng, before = np.random.default_rng(0), processings(found, mixed)
+    ``before``: as ``processings`` tells it."""
+    rng = np.random.default_rng(0)
 
     def one(c: Condition) -> Condition:
         if not c.camera.sensor.jpeg_quality:
@@ -97,7 +96,8 @@ def with_errors(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> lis
 
 
 def processings(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> dict[str, Processing]:
-    """By name what the cameras whose images are JPEGs do before, by the brightest capture of each."""
+    """By name what the cameras whose images are JPEGs do before: what goes through the matrices ``mixed``, which were
+    taken back, and through a mosaic if the brightest capture shows one."""
     of = {m.camera: m for m in mixed}
     told: dict[str, Processing] = {}
     for c in sorted(found, key=lambda c: -float(c.mean.mean())):
@@ -111,7 +111,7 @@ def processings(found: Sequence[Condition], mixed: Sequence[Matrix] = ()) -> dic
                 by = replace(plain, mosaic=pattern)
                 return np.asarray(_off(c, by, np.random.default_rng(0), FEW).mean(axis=0))
 
-            plain = replace(plain, mosaic=mosaic_of(c, off))
+            plain = replace(plain, mosaic=mosaic_shown(c, off))
         told[camera.name] = plain
     return told
 

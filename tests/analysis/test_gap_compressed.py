@@ -24,6 +24,7 @@ from analysis.gap.ledger import temporal_scale
 from analysis.gap.matrices import Matrix, unmixed
 from analysis.gap.noise import noise_findings
 from analysis.gap.processing import Processing
+from analysis.gap.processing import notes as notes_on_mosaics
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
@@ -161,7 +162,8 @@ def test_what_compressing_leaves_is_weighed(quality: int) -> None:
     bare = lit(Compressed(CAMERA.name, quality, True).of(CAMERA))
     plain = replace(bare, camera=CAMERA).simulated()
     noise = np.sqrt(plain.variance) * np.random.default_rng(8).standard_normal(plain.dn.shape)
-    (c,) = with_errors([replace(bare, mean=packed(plain.dn + noise, quality, True))])
+    taken_in = [replace(bare, mean=packed(plain.dn + noise, quality, True))]
+    (c,) = with_errors(taken_in, processings(taken_in))
     simulated = c.simulated()
     left = np.square(c.mean - simulated.dn)
     assert left.mean() < 0.9 * np.square(packed(plain.dn + noise, quality, True) - simulated.dn).mean()
@@ -188,11 +190,23 @@ def test_the_mosaic_before_a_jpeg_is_told_and_blur_is_none(pattern: Mosaic) -> N
         assert told.mosaic is pattern
     soft = packed(blurred(plain.dn) + noise, 95, True)
     assert processings([replace(bare, mean=soft)])[CAMERA.name].mosaic is Mosaic.NONE
+    beside = packed(
+        np.roll(plain.dn, (0, 1), (0, 1)) + noise, 95, True
+    )  # a camera that is not yet registered
+    assert processings([replace(bare, mean=beside)])[CAMERA.name].mosaic is Mosaic.NONE
+
+
+def test_a_mosaic_that_was_told_is_said() -> None:
+    by = [Processing(CAMERA, None, Mosaic.GBRG), Processing(replace(CAMERA, name="/World/other"))]
+    (note,) = notes_on_mosaics(by)
+    assert "eye (GBRG)" in note
+    assert "other" not in note
+    assert notes_on_mosaics(by[1:]) == []
 
 
 def test_what_a_matrix_and_a_mosaic_make_of_a_jpeg_is_weighed() -> None:
-    """Captures of their own simulation, interpolated, mixed, compressed and unmixed: most of what that
-    does is gone from them, and the rest is weighed."""
+    """Captures of their own simulation, interpolated, mixed, compressed and unmixed: most of what that does is
+    gone from them, and the rest is weighed."""
     rows = np.array([[1.5, -0.4, -0.1], [-0.25, 1.45, -0.2], [-0.05, -0.5, 1.55]])
     matrix = Matrix(CAMERA.name, rows, (0.0,) * 6)
     bare = lit(Compressed(CAMERA.name, 95, True).of(CAMERA))
@@ -205,7 +219,7 @@ def test_what_a_matrix_and_a_mosaic_make_of_a_jpeg_is_weighed() -> None:
     assert back.mask is not None
     captured = replace(bare, captures=(back,), mean=back.pixels, mask=back.mask)
 
-    (c,) = with_errors([captured], [matrix])
+    (c,) = with_errors([captured], processings([captured], [matrix]))
     simulated = c.simulated()
     ok = captured.compared
     left, before = (np.square(x - simulated.dn)[ok] for x in (c.mean, captured.mean))
