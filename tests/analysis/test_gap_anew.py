@@ -9,7 +9,7 @@ import pytest
 
 from analysis.gap.anew import Anew, rendered_anew, wanted
 from analysis.gap.approach import _levels
-from analysis.gap.compressed import Compressed, with_errors
+from analysis.gap.compressed import Compressed, processings, with_errors
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import geometry_terms, stand
 from analysis.gap.margin import MOST
@@ -156,7 +156,8 @@ def test_means_over_pixels_are_of_what_the_file_says(found, terms, render, tmp_p
 
 def test_what_compressing_leaves_is_of_the_own_pixels_alone(found, terms) -> None:
     """Coarse levels have neither a JPEG's blocks nor the errors that were told of them."""
-    jpegs = with_errors([replace(c, camera=Compressed(c.camera.name, 85, True).of(c.camera)) for c in found])
+    taken = [replace(c, camera=Compressed(c.camera.name, 85, True).of(c.camera)) for c in found]
+    jpegs = with_errors(taken, processings(taken))
     assert all(c.packed is not None for c in jpegs)
     home = np.zeros(len(terms))
     search = Search(jpegs, terms, None, lambda what, share: None)
