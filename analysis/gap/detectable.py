@@ -25,6 +25,7 @@ from analysis.gap.parallel import each
 from analysis.gap.terms import Cause
 
 SURE = 0.9
+TOLD = np.log(SURE / (1 - SURE))  # log odds
 MOST = 0.5  # severity: what would not show there is told as never
 LEAST, RUNGS, HALVES = (
     1e-5,
@@ -108,9 +109,14 @@ def _least(
 
     def shown(s: np.ndarray) -> np.ndarray:
         """(n,) bool at severities (n,)."""
-        for_it = np.logaddexp.reduce(gain * s**2 - cost[:, None])
+        for_it = gain * s**2 - cost[:, None]
         against = np.vstack([np.zeros(len(s)), hidden * s**2 - spent[:, None]])
-        return np.asarray(for_it - np.logaddexp.reduce(against) >= np.log(SURE / (1 - SURE)))
+        # a sum's logarithm is its largest one's and up to that of their number more: most are told by that
+        odds = for_it.max(axis=0) - against.max(axis=0)
+        ok: np.ndarray = odds - np.log(len(against)) >= TOLD
+        near = ~ok & (odds + np.log(len(for_it)) >= TOLD)
+        ok[near] = np.subtract(*map(np.logaddexp.reduce, (for_it[:, near], against[:, near]))) >= TOLD
+        return ok
 
     rungs = np.geomspace(LEAST, MOST, RUNGS)
     steps = np.array([shown(np.full(len(ways), s)) for s in rungs])
