@@ -25,7 +25,7 @@ from analysis.gap.parallel import each
 from analysis.gap.terms import Cause
 
 SURE = 0.9
-TOLD = np.log(SURE / (1 - SURE))  # log odds
+ODDS = np.log(SURE / (1 - SURE))  # the same as log odds
 MOST = 0.5  # severity: what would not show there is told as never
 LEAST, RUNGS, HALVES = (
     1e-5,
@@ -111,11 +111,12 @@ def _least(
         """(n,) bool at severities (n,)."""
         for_it = gain * s**2 - cost[:, None]
         against = np.vstack([np.zeros(len(s)), hidden * s**2 - spent[:, None]])
-        # a sum's logarithm is its largest one's and up to that of their number more: most are told by that
+        # log Σ exp of n numbers is between the largest of them and log n more: only what is near takes the sums
         odds = for_it.max(axis=0) - against.max(axis=0)
-        ok: np.ndarray = odds - np.log(len(against)) >= TOLD
-        near = ~ok & (odds + np.log(len(for_it)) >= TOLD)
-        ok[near] = np.subtract(*map(np.logaddexp.reduce, (for_it[:, near], against[:, near]))) >= TOLD
+        ok: np.ndarray = odds - np.log(len(against)) >= ODDS
+        near = ~ok & (odds + np.log(len(for_it)) >= ODDS)
+        sums = [np.logaddexp.reduce(x[:, near]) for x in (for_it, against)]
+        ok[near] = sums[0] - sums[1] >= ODDS
         return ok
 
     rungs = np.geomspace(LEAST, MOST, RUNGS)

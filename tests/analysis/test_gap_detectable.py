@@ -7,7 +7,7 @@ import pytest
 from scipy import sparse
 
 from analysis.gap.caution import tail
-from analysis.gap.detectable import SURE, detectable
+from analysis.gap.detectable import LEAST, MOST, SURE, _least, detectable
 from analysis.gap.evidence import SLABS, SLIGHT, Evidence
 from analysis.gap.normal_equations import NormalEquations
 from analysis.gap.sensitivities import Sensitivities
@@ -121,3 +121,33 @@ def test_pixels_that_weigh_little_make_an_effect_no_weaker() -> None:
     (by_pixels,) = detectable(told, told.spike, found)
     (by_weights,) = detectable(told, told.spike, strength(told))
     assert by_pixels.easiest / by_weights.easiest == pytest.approx(np.sqrt(0.5 / (0.01 / 1.01)), rel=1e-3)
+
+
+@pytest.mark.parametrize("hiding", [0, 1, 30])
+def test_severities_are_where_whole_sums_reach_the_odds(hiding: int) -> None:
+    """However many explanations add up: at what is told they do, and nowhere on a ladder of a hundred below it."""
+    rng = np.random.default_rng(hiding)
+    ways = rng.standard_normal((50, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+
+    def forms(count: int, size: float) -> list[tuple[np.ndarray, float]]:
+        halves = rng.standard_normal((count, 3, 3)) * np.sqrt(size)
+        return [(A @ A.T, cost) for A, cost in zip(halves, rng.uniform(0, 9, count), strict=True)]
+
+    effect, larger = forms(3, 3e4), forms(hiding, 1e4)
+
+    def odds(s: np.ndarray) -> np.ndarray:
+        signs = ((effect, []), (larger, [np.zeros(len(ways))]))
+        sums = [
+            np.logaddexp.reduce([*nothing, *(s**2 * np.sum(ways @ Q * ways, axis=1) - c for Q, c in by)])
+            for by, nothing in signs
+        ]
+        return sums[0] - sums[1]
+
+    found = _least(ways, effect, larger)
+    there = np.isfinite(found)
+    assert there.any()
+    sure = np.log(SURE / (1 - SURE))
+    assert (odds(np.where(there, found, MOST)) >= sure - 1e-6)[there].all()
+    for share in np.geomspace(LEAST, 0.99, 100):
+        assert (odds(np.where(there, share * found, share * MOST)) < sure).all()
