@@ -15,6 +15,7 @@ from analysis.gap.compressed import GROUNDS as PACKED
 from analysis.gap.compressed import Compressed, compressed, processings, qualities, with_errors
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
+from analysis.gap.declared import without_declared
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.encoded import GROUNDS, Screen, encoded, is_linear
 from analysis.gap.findings import CROSSTALK, CURVE, JPEG, SCREEN, Known, with_known
@@ -27,7 +28,6 @@ from analysis.gap.matrices import (
     numbers,
     unmixed,
     with_matrices,
-    without_declared,
 )
 from analysis.gap.mosaics import must_say_its_mosaic
 from analysis.gap.overlap import must_overlap, with_files_bits
@@ -135,7 +135,8 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     """``drawn`` renders conditions; ``binning``: pixels across that are taken as one. Raises BrightfieldError where
     captures and scene do not belong together."""
     must_fit(captures, document)
-    own, unbinned = without_declared(captures, document)
+    plain = without_declared(captures, document)
+    own, unbinned = plain.captures, plain.document
     must_say_its_mosaic(own, unbinned.scene())
     by = binning_of(own, unbinned, binning)
 
@@ -164,7 +165,7 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         ]
     said = {c.name: c.camera for c in found}
     whole = taken_as(whole, (*packed, *screens))
-    before = processings(whole, mixed)
+    before = processings(whole, mixed, plain.processed)
     return Beforehand(
         captures,
         tuple(with_errors(whole, before)),

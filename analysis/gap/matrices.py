@@ -22,13 +22,11 @@ from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import Estimate
 from analysis.gap.expected import SATURATED
 from analysis.gap.parallel import each
-from analysis.gap.taken import Taken
 from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.effects.color_crosstalk import ColorCrosstalk
 from interchange.effects.parts import called
 from interchange.effects.response_curve import ResponseCurve
-from interchange.formats.document import Document
 from interchange.scene import Scene
 from interchange.sensor import IDENTITY
 
@@ -96,27 +94,6 @@ def numbers(by: Sequence[Matrix], before: Mapping[str, Estimate]) -> dict[str, E
                 float(x), found[name].sigma if name in found else s, "1"
             )
     return told
-
-
-def without_declared(captures: Captures, document: Document) -> tuple[Captures, Document]:
-    """Captures as they were before the matrices that the scene file says, and a document whose cameras have none. A
-    JPEG stays as it is, and what a matrix mixes that hardly can be taken back."""
-    by, cameras = [], {}
-    for c in document.scene().cameras:
-        own = [x for x in captures.captures if x.camera == c.name]
-        rows = np.array(c.sensor.color_correction).reshape(3, 3)
-        mixes = c.sensor.color_correction != IDENTITY and np.linalg.cond(rows) < WORST
-        if mixes and not c.sensor.jpeg_quality and own and all(x.pixels.shape[2] == 3 for x in own):
-            few = own[0].bits == 8 and c.sensor.bits_out > 8
-            cameras[c.name] = replace(c, sensor=replace(c.sensor, output_bit_depth=8)) if few else c
-            by.append(Matrix(c.name, rows, (0.0,) * 6))
-    if not by:
-        return captures, document
-
-    def plain(scene: Scene) -> Scene:
-        return with_matrices(scene, [replace(m, rows=np.eye(3)) for m in by])
-
-    return unmixed(captures, cameras, by), Taken(document, plain)
 
 
 def unmixed(captures: Captures, cameras: Mapping[str, Camera], by: Sequence[Matrix]) -> Captures:

@@ -33,11 +33,14 @@ SHARE = 1 / 3
 
 @dataclass(frozen=True, eq=False)
 class Processing:
-    """``matrix``: None where colours stay as they are; ``mosaic``: NONE where every pixel measures all channels."""
+    """``matrix``: None where colours stay as they are; ``mosaic``: NONE where every pixel measures all channels.
+    ``is_said``: whether by the scene file."""
 
     camera: Camera
     matrix: Matrix | None = None
     mosaic: Mosaic = Mosaic.NONE
+    demosaic: Demosaic = Demosaic.BILINEAR
+    is_said: bool = False
 
     @property
     def is_there(self) -> bool:
@@ -66,12 +69,12 @@ class Processing:
         raw = np.empty(above.shape[:2], np.float32)
         for i, j, channel in phases(self.mosaic):
             raw[i::2, j::2] = above[i::2, j::2, channel]
-        by = Interpolation(Demosaic.BILINEAR, self.mosaic)
+        by = Interpolation(self.demosaic, self.mosaic)
         return by.apply(Image(raw[..., None] + black), self.camera, None).pixels - black
 
 
 def notes(by: Sequence[Processing]) -> list[str]:
-    told = [p for p in by if p.mosaic.is_bayer]
+    told = [p for p in by if p.mosaic.is_bayer and not p.is_said]
     if not told:
         return []
     names = " and ".join(f"{called(p.camera.name)} ({p.mosaic})" for p in told)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from analysis.gap.binned import Binning, binned_camera, binning_of, times_binned
+from analysis.gap.declared import without_declared
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding
 from analysis.gap.expected import expected
 from analysis.gap.filters import BehindFilters, at_filters, offsets, seen_through, shares, sites
-from analysis.gap.matrices import Matrix, without_declared
+from analysis.gap.matrices import Matrix
 from analysis.gap.own_pixels import notes, of_own_pixels
 from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.report_words import sentence
@@ -109,9 +110,10 @@ def test_demosaiced_captures_tell_what_pixels_measured(method: Demosaic, mixed: 
     document: Any = SimpleNamespace(
         scene=lambda time=None: Scene(cameras=(camera,)), stage=None, path=None, problems=[]
     )
-    before, plainly = without_declared(Captures(Path("c.json"), Path("s.usda"), (capture,)), document)
-    assert plainly.scene().cameras[0].sensor.color_correction == IDENTITY
-    told = raw(before.captures[0], camera)
+    plain = without_declared(Captures(Path("c.json"), Path("s.usda"), (capture,)), document)
+    assert plain.document.scene().cameras[0].sensor.color_correction == IDENTITY
+    assert not plain.processed
+    told = raw(plain.captures.captures[0], camera)
     assert told.pixels.shape == measured.shape
     assert told.mask is not None
     assert told.mask.sum() == 62 * 94

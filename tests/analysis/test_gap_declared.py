@@ -1,0 +1,104 @@
+"""What the scene file says that a colour camera does to its pixels is taken back, and weighed where that cannot be."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.gap.compressed import processings, with_errors
+from analysis.gap.conditions import Condition
+from analysis.gap.declared import Plain, without_declared
+from analysis.gap.processing import notes
+from analysis.gap.radiance import Rendered
+from interchange.camera import Camera
+from interchange.captures import Capture, Captures
+from interchange.exposure import expose
+from interchange.image import Image, Quantity
+from interchange.light import Light, LightKind
+from interchange.scene import Scene
+from interchange.sensor import IDENTITY, Demosaic, Mosaic, Response, Sensor
+
+MIXED = (1.4, -0.3, -0.1, -0.2, 1.5, -0.3, 0.0, -0.4, 1.4)
+SENSOR = Sensor(
+    (160, 120),
+    (5e-6, 5e-6),
+    2e4,
+    9000.0,
+    12,
+    read_noise=8.0,
+    mosaic=Mosaic.GRBG,
+    color_correction=MIXED,
+    response=Response.SRGB,
+    output_bit_depth=8,
+    jpeg_quality=95,
+)
+CAMERA = Camera("/World/Camera", sensor=SENSOR, t_exp=1.0)
+LAMP = "/lamp"
+SCENE = Scene(lights=(Light(LAMP, LightKind.SPHERE, (1.0, 1.0, 1.0)),), cameras=(CAMERA,))
+
+
+def tiles() -> np.ndarray:
+    """(120, 160, 3) radiance, tiles of some colour, 13 px wide, so that the matrix cuts few off."""
+    rng = np.random.default_rng(7)
+    whole = rng.uniform(0.05, 0.3, (10, 13, 1)) * rng.uniform(0.7, 1.0, (10, 13, 3))
+    return np.kron(whole, np.ones((13, 13, 1)))[:120, :160].astype(np.float32)
+
+
+def plain_of(pixels: np.ndarray, sensor: Sensor) -> Plain:
+    camera = replace(CAMERA, sensor=sensor)
+    document: Any = SimpleNamespace(
+        scene=lambda time=None: replace(SCENE, cameras=(camera,)), stage=None, path=None, problems=[]
+    )
+    capture = Capture("a.png", CAMERA.name, 0.0, 1.0, pixels, bits=8)
+    return without_declared(Captures(Path("c.json"), Path("s.usda"), (capture,)), document)
+
+
+@pytest.mark.parametrize("way", [Demosaic.BILINEAR, Demosaic.EDGE_AWARE])
+@pytest.mark.parametrize("matrix", [MIXED, IDENTITY])
+def test_a_jpeg_of_a_camera_that_is_as_the_file_says_is_as_expected(
+    way: Demosaic, matrix: tuple[float, ...]
+) -> None:
+    """As the camera itself takes it: interpolated, mixed, encoded, compressed. What that does to a simulation without
+    it is gone from the captures or weighed."""
+    radiance = tiles()
+    sensor = replace(SENSOR, demosaic=way, color_correction=matrix)
+    camera = replace(CAMERA, sensor=sensor)
+    taken = expose(Image(radiance, Quantity.RADIANCE, camera), camera, rng=np.random.default_rng(3)).pixels
+    plain = plain_of(taken, sensor)
+    told = plain.document.scene().cameras[0]
+    assert (told.sensor.mosaic, told.sensor.color_correction) == (Mosaic.NONE, IDENTITY)
+    assert (told.sensor.jpeg_quality, told.sensor.response) == (95, Response.SRGB)
+
+    (back,) = plain.captures.captures
+    nothing = np.zeros_like(radiance)
+    shown = Rendered(SCENE, told, {LAMP: radiance}, {LAMP: np.ones(3)}, nothing, nothing, {}, {})
+    mask = np.ones(radiance.shape[:2], bool) if back.mask is None else back.mask
+    bare = Condition((back,), SCENE, told, back.pixels, None, mask, rendered=shown)
+    before = processings([bare], said=plain.processed)
+    assert (before[CAMERA.name].mosaic, before[CAMERA.name].demosaic) == (Mosaic.GRBG, way)
+    assert notes(list(before.values())) == []  # the file says it
+    (c,) = with_errors([bare], before)
+    simulated, ok = c.simulated(), bare.compared
+    assert ok.mean() > 0.5
+    off, off_before = (np.square(x.mean - simulated.dn)[ok] for x in (c, bare))
+    assert off.mean() < 0.15 * off_before.mean()
+    assert (off / simulated.variance[ok]).mean() < 1.15
+
+
+def test_what_is_not_said_or_not_to_be_taken_back_stays() -> None:
+    pixels = np.full((120, 160, 3), 90, np.float32)
+    flat = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # every channel is red
+    for sensor in (
+        replace(SENSOR, mosaic=Mosaic.NONE, color_correction=IDENTITY),
+        replace(SENSOR, color_correction=flat),
+    ):
+        plain = plain_of(pixels, sensor)
+        assert not plain.processed
+        assert plain.document.scene().cameras[0].sensor == sensor
+        assert np.array_equal(plain.captures.captures[0].pixels, pixels)
+    raw = plain_of(pixels[..., :1], SENSOR)
+    assert not raw.processed
+    assert raw.document.scene().cameras[0].sensor == SENSOR
