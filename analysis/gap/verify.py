@@ -74,7 +74,8 @@ def verified(
             camera.sensor,
             gain_dB=own.gain_dB,
             output_bit_depth=own.output_bit_depth,
-            color_correction=own.color_correction,  # which may have been taken back (analysis.gap.matrices)
+            color_correction=own.color_correction,  # which may have been taken back (analysis.gap.matrices),
+            mosaic=own.mosaic,  # as this may have been (analysis.gap.declared)
         )
         camera = replace(camera, t_exp=condition.camera.t_exp, sensor=sensor)
         found.append(replace(condition, scene=new, camera=camera, rendered=None))
