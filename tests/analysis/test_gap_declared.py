@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.gap import verify
 from analysis.gap.compressed import processings, with_errors
 from analysis.gap.conditions import Condition
 from analysis.gap.declared import Plain, without_declared
@@ -86,6 +87,40 @@ def test_a_jpeg_of_a_camera_that_is_as_the_file_says_is_as_expected(
     off, off_before = (np.square(x.mean - simulated.dn)[ok] for x in (c, bare))
     assert off.mean() < 0.15 * off_before.mean()
     assert (off / simulated.variance[ok]).mean() < 1.15
+
+
+def test_the_corrected_scene_is_rendered_as_it_was_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says what the file said, of which captures are free."""
+    pixels = np.full((120, 160, 3), 90, np.float32)
+    plain = plain_of(pixels, SENSOR)
+    told = plain.document.scene().cameras[0]
+    mask = np.ones(pixels.shape[:2], bool)
+    own = Condition(plain.captures.captures, SCENE, told, pixels, None, mask)
+    seen: list[Camera] = []
+
+    def render_all(views: Any, *_: object) -> list[Rendered]:
+        seen.extend(camera for _, camera in views)
+        nothing = np.zeros_like(pixels)
+        return [Rendered(SCENE, camera, {}, {}, nothing, nothing, {}, {}) for _, camera in views]
+
+    monkeypatch.setattr(verify, "open_scene", lambda file: SimpleNamespace(scene=lambda time: SCENE))
+    monkeypatch.setattr(verify, "render_all", render_all)
+    registration: Any = SimpleNamespace(simulated=lambda c: c.simulated().dn)
+    by: Any = SimpleNamespace(chi2=lambda dn: 1.0)
+    found = verify.verified(
+        Path("new.usda"),
+        [own],
+        registration,
+        by,
+        1.0,
+        (),
+        lambda *_: None,
+        {},
+        Path("cache"),
+    )
+    assert found.holds
+    assert [(c.sensor.mosaic, c.sensor.color_correction) for c in seen] == [(Mosaic.NONE, IDENTITY)]
+    assert seen[0].sensor.jpeg_quality == 95
 
 
 def test_what_is_not_said_or_not_to_be_taken_back_stays() -> None:
