@@ -25,9 +25,9 @@ from analysis.gap.matrices import (
     Matrix,
     as_mixed,
     matrices,
+    mixed_further,
     numbers,
     unmixed,
-    with_matrices,
 )
 from analysis.gap.mosaics import must_say_its_mosaic
 from analysis.gap.overlap import must_overlap, with_files_bits
@@ -65,7 +65,7 @@ class Beforehand:
 
     def scene(self, scene: Scene) -> Scene:
         """A scene of the sensors' own pixels as what was fitted says it."""
-        return with_matrices(on_scene(self.by.on_scene(scene), (*self.packed, *self.screens)), self.mixed)
+        return mixed_further(on_scene(self.by.on_scene(scene), (*self.packed, *self.screens)), self.mixed)
 
     def known(self, v: Verdict, held: Sequence[Condition]) -> tuple[Verdict, list[Known]]:
         """The verdict against the file as written, and the effects that are between that and what was fitted to.

@@ -16,6 +16,7 @@ from math import ceil, sqrt
 
 import numpy as np
 
+from analysis.gap.declared import declared
 from analysis.gap.expected import SATURATED
 from analysis.gap.filters import BehindFilters, sites
 from analysis.gap.mosaics import mosaic_of
@@ -107,6 +108,7 @@ def times_binned(captures: Captures, document: Document) -> int:
     """The least n by which no capture has more than ``LARGEST`` means, an even one of colour mosaics; 1 where a
     camera's pixels cannot be binned."""
     most = max(c.pixels.shape[0] * c.pixels.shape[1] for c in captures.captures)
+    document = declared(captures, document).document(document)
     cameras = _cameras(captures, document, undeclared_mosaics(captures, document))
     if any(_why_not(captures, c) for c in cameras):
         return 1

@@ -36,7 +36,6 @@ SHALLOW = (
 DRAWS = 8
 FEW = 2  # draws, to tell a mosaic
 TWIN = 0.01  # of the signal, that a twin is off: whole images are not rounded alike
-NOTHING: Mapping[str, Processing] = {}
 GROUNDS = (
     "Compressing the captures once more changes least at one quality, as of what was compressed by it: they were taken "
     "as JPEGs before anything was fitted."
@@ -97,27 +96,26 @@ def with_errors(found: Sequence[Condition], before: Mapping[str, Processing]) ->
 
 
 def processings(
-    found: Sequence[Condition], mixed: Sequence[Matrix] = (), said: Mapping[str, Processing] = NOTHING
+    found: Sequence[Condition], mixed: Sequence[Matrix] = (), said: Mapping[str, Processing] | None = None
 ) -> dict[str, Processing]:
-    """By name what the cameras whose images are JPEGs do before: what the scene file has ``said``; of others what goes
-    through the matrices ``mixed``, which were taken back, and through a mosaic if the brightest capture shows one."""
+    """By name what the cameras whose images are JPEGs do before: what the scene file has ``said``; what goes through
+    the matrices ``mixed``, which were taken back besides; and through a mosaic, if none is said and the brightest
+    capture shows one."""
     of = {m.camera: m for m in mixed}
     told: dict[str, Processing] = {}
     for c in sorted(found, key=lambda c: -float(c.mean.mean())):
         camera, sensor = c.camera, c.camera.sensor
         if camera.name in told or not sensor.jpeg_quality:
             continue
-        if camera.name in said:
-            told[camera.name] = replace(said[camera.name], camera=camera)
-            continue
-        plain = Processing(camera, of.get(camera.name))
-        if c.mean.shape[2] == 3 and sensor.mosaic is Mosaic.NONE:
+        plain = replace((said or {}).get(camera.name, Processing(camera)), camera=camera)
+        plain = plain.mixed_further(of.get(camera.name))
+        if c.mean.shape[2] == 3 and sensor.mosaic is plain.mosaic is Mosaic.NONE:
 
             def off(pattern: Mosaic, c: Condition = c, plain: Processing = plain) -> np.ndarray:
                 by = replace(plain, mosaic=pattern)
                 return np.asarray(_off(c, by, np.random.default_rng(0), FEW).mean(axis=0))
 
-            plain = replace(plain, mosaic=mosaic_shown(c, off))
+            plain = replace(plain, mosaic=mosaic_shown(c, off), mosaic_is_said=False)
         told[camera.name] = plain
     return told
 

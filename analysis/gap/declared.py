@@ -31,10 +31,26 @@ class Plain:
     processed: Mapping[str, Processing]
 
 
-def without_declared(captures: Captures, document: Document) -> Plain:
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """``mixed``: the matrices that can be taken back; ``processed``: by name what cameras of JPEGs do."""
+
+    mixed: tuple[Matrix, ...]
+    processed: Mapping[str, Processing]
+
+    def document(self, document: Document) -> Document:
+        """``document`` without it."""
+        return Taken(document, self._plain) if self.mixed or self.processed else document
+
+    def _plain(self, scene: Scene) -> Scene:
+        scene = with_matrices(scene, [replace(m, rows=np.eye(3)) for m in self.mixed])
+        cameras = tuple(_of_all_channels(c, self.processed.get(c.name)) for c in scene.cameras)
+        return replace(scene, cameras=cameras)
+
+
+def declared(captures: Captures, document: Document) -> Declared:
     """What a matrix mixes that hardly can be taken back stays as it is."""
     by: list[Matrix] = []
-    cameras: dict[str, Camera] = {}
     processed: dict[str, Processing] = {}
     for c in document.scene().cameras:
         own = [x for x in captures.captures if x.camera == c.name]
@@ -42,27 +58,23 @@ def without_declared(captures: Captures, document: Document) -> Plain:
             continue
         matrix = _matrix(c)
         if matrix is not None:
-            few = own[0].bits == 8 and c.sensor.bits_out > 8
-            cameras[c.name] = replace(c, sensor=replace(c.sensor, output_bit_depth=8)) if few else c
             by.append(matrix)
         elif c.sensor.color_correction != IDENTITY:
             continue
         if c.sensor.jpeg_quality:
             way = Demosaic.BILINEAR if c.sensor.demosaic is Demosaic.NONE else c.sensor.demosaic
             mosaic = c.sensor.mosaic if c.sensor.mosaic.is_bayer else Mosaic.NONE
-            does = Processing(c, matrix, mosaic, way, is_said=True)
+            does = Processing(c, matrix, mosaic, way, mosaic_is_said=mosaic.is_bayer)
             if does.is_there:
                 processed[c.name] = does
-    if not by and not processed:
-        return Plain(captures, document, {})
+    return Declared(tuple(by), processed)
 
-    def plain(scene: Scene) -> Scene:
-        unmixed_scene = with_matrices(scene, [replace(m, rows=np.eye(3)) for m in by])
-        return replace(
-            unmixed_scene, cameras=tuple(_of_all_channels(c, processed) for c in unmixed_scene.cameras)
-        )
 
-    return Plain(unmixed(captures, cameras, by), Taken(document, plain), processed)
+def without_declared(captures: Captures, document: Document) -> Plain:
+    found = declared(captures, document)
+    bits = {x.camera: x.bits for x in captures.captures}
+    cameras = {c.name: _of_bits(c, bits[c.name]) for c in document.scene().cameras if c.name in bits}
+    return Plain(unmixed(captures, cameras, found.mixed), found.document(document), found.processed)
 
 
 def _matrix(camera: Camera) -> Matrix | None:
@@ -72,7 +84,13 @@ def _matrix(camera: Camera) -> Matrix | None:
     return Matrix(camera.name, rows, (0.0,) * 6) if mixes else None
 
 
-def _of_all_channels(camera: Camera, processed: Mapping[str, Processing]) -> Camera:
-    if camera.name not in processed or not processed[camera.name].mosaic.is_bayer:
+def _of_bits(camera: Camera, bits: int) -> Camera:
+    """The camera whose files have ``bits``: those of 8 are its highest ones."""
+    few = bits == 8 and camera.sensor.bits_out > 8
+    return replace(camera, sensor=replace(camera.sensor, output_bit_depth=8)) if few else camera
+
+
+def _of_all_channels(camera: Camera, does: Processing | None) -> Camera:
+    if does is None or not does.mosaic.is_bayer:
         return camera
     return replace(camera, sensor=replace(camera.sensor, mosaic=Mosaic.NONE))

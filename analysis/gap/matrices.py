@@ -150,6 +150,12 @@ def with_matrices(scene: Scene, by: Sequence[Matrix]) -> Scene:
     return replace(scene, cameras=tuple(map(there, scene.cameras)))
 
 
+def mixed_further(scene: Scene, by: Sequence[Matrix]) -> Scene:
+    """The scene with these matrices before those that its file says, which were taken back first."""
+    said = {c.name: np.array(c.sensor.color_correction).reshape(3, 3) for c in scene.cameras}
+    return with_matrices(scene, [replace(m, rows=said[m.camera] @ m.rows) for m in by if m.camera in said])
+
+
 def _cells(c: Condition) -> Cells:
     """What a condition shows of each colour."""
     simulated, captured = (linear_above(dn, c.camera) for dn in (c.simulated().dn, c.mean))

@@ -8,7 +8,7 @@ pixel elsewhere than simulated are hardly nearer by any, and show none.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -34,17 +34,23 @@ SHARE = 1 / 3
 @dataclass(frozen=True, eq=False)
 class Processing:
     """``matrix``: None where colours stay as they are; ``mosaic``: NONE where every pixel measures all channels.
-    ``is_said``: whether by the scene file."""
+    ``mosaic_is_said``: whether by the scene file."""
 
     camera: Camera
     matrix: Matrix | None = None
     mosaic: Mosaic = Mosaic.NONE
     demosaic: Demosaic = Demosaic.BILINEAR
-    is_said: bool = False
+    mosaic_is_said: bool = False
 
     @property
     def is_there(self) -> bool:
         return self.matrix is not None or self.mosaic.is_bayer
+
+    def mixed_further(self, by: Matrix | None) -> "Processing":
+        """With a matrix that pixels go through before the one that is here."""
+        if by is None or self.matrix is None:
+            return replace(self, matrix=by or self.matrix)
+        return replace(self, matrix=replace(by, rows=self.matrix.rows @ by.rows))
 
     def applied(self, dn: np.ndarray) -> np.ndarray:
         """(H, W, 3) DN of pixels, after the camera's curve, as they are where that comes last."""
@@ -74,7 +80,7 @@ class Processing:
 
 
 def notes(by: Sequence[Processing]) -> list[str]:
-    told = [p for p in by if p.mosaic.is_bayer and not p.is_said]
+    told = [p for p in by if p.mosaic.is_bayer and not p.mosaic_is_said]
     if not told:
         return []
     names = " and ".join(f"{called(p.camera.name)} ({p.mosaic})" for p in told)

@@ -74,8 +74,9 @@ def verified(
             camera.sensor,
             gain_dB=own.gain_dB,
             output_bit_depth=own.output_bit_depth,
-            color_correction=own.color_correction,  # which may have been taken back (analysis.gap.matrices),
-            mosaic=own.mosaic,  # as this may have been (analysis.gap.declared)
+            # which may have been taken back (analysis.gap.matrices, analysis.gap.declared)
+            color_correction=own.color_correction,
+            mosaic=own.mosaic,
         )
         camera = replace(camera, t_exp=condition.camera.t_exp, sensor=sensor)
         found.append(replace(condition, scene=new, camera=camera, rendered=None))

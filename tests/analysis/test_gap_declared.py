@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from analysis.gap import verify
+from analysis.gap.binned import binning_of, times_binned
 from analysis.gap.compressed import processings, with_errors
 from analysis.gap.conditions import Condition
 from analysis.gap.declared import Plain, without_declared
+from analysis.gap.matrices import Matrix, mixed_further
 from analysis.gap.processing import notes
 from analysis.gap.radiance import Rendered
 from interchange.camera import Camera
@@ -48,13 +50,17 @@ def tiles() -> np.ndarray:
     return np.kron(whole, np.ones((13, 13, 1)))[:120, :160].astype(np.float32)
 
 
-def plain_of(pixels: np.ndarray, sensor: Sensor) -> Plain:
+def given(pixels: np.ndarray, sensor: Sensor) -> tuple[Captures, Any]:
     camera = replace(CAMERA, sensor=sensor)
-    document: Any = SimpleNamespace(
+    document = SimpleNamespace(
         scene=lambda time=None: replace(SCENE, cameras=(camera,)), stage=None, path=None, problems=[]
     )
     capture = Capture("a.png", CAMERA.name, 0.0, 1.0, pixels, bits=8)
-    return without_declared(Captures(Path("c.json"), Path("s.usda"), (capture,)), document)
+    return Captures(Path("c.json"), Path("s.usda"), (capture,)), document
+
+
+def plain_of(pixels: np.ndarray, sensor: Sensor) -> Plain:
+    return without_declared(*given(pixels, sensor))
 
 
 @pytest.mark.parametrize("way", [Demosaic.BILINEAR, Demosaic.EDGE_AWARE])
@@ -90,7 +96,7 @@ def test_a_jpeg_of_a_camera_that_is_as_the_file_says_is_as_expected(
 
 
 def test_the_corrected_scene_is_rendered_as_it_was_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says what the file said, of which captures are free."""
+    """It says what the file said, and captures have had that taken back."""
     pixels = np.full((120, 160, 3), 90, np.float32)
     plain = plain_of(pixels, SENSOR)
     told = plain.document.scene().cameras[0]
@@ -121,6 +127,44 @@ def test_the_corrected_scene_is_rendered_as_it_was_fitted(monkeypatch: pytest.Mo
     assert found.holds
     assert [(c.sensor.mosaic, c.sensor.color_correction) for c in seen] == [(Mosaic.NONE, IDENTITY)]
     assert seen[0].sensor.jpeg_quality == 95
+
+
+def test_what_captures_show_besides_comes_before_what_is_said() -> None:
+    """A matrix that is left where the said one was taken back, and a mosaic where none is said."""
+    left = np.array([[1.1, -0.1, 0.0], [0.0, 1.2, -0.2], [-0.3, 0.0, 1.3]])
+    by = Matrix(CAMERA.name, left, (0.0,) * 6)
+    said = np.array(MIXED).reshape(3, 3)
+    (camera,) = mixed_further(SCENE, [by]).cameras
+    assert np.reshape(camera.sensor.color_correction, (3, 3)) == pytest.approx(said @ left)
+    bare = replace(CAMERA, sensor=replace(SENSOR, color_correction=IDENTITY))
+    (camera,) = mixed_further(replace(SCENE, cameras=(bare,)), [by]).cameras
+    assert np.reshape(camera.sensor.color_correction, (3, 3)) == pytest.approx(left)
+
+    radiance = tiles()
+    sensor = replace(SENSOR, mosaic=Mosaic.NONE)
+    taken = expose(Image(radiance, Quantity.RADIANCE, CAMERA), CAMERA, rng=np.random.default_rng(3)).pixels
+    plain = plain_of(taken, sensor)
+    (back,) = plain.captures.captures
+    told = plain.document.scene().cameras[0]
+    nothing = np.zeros_like(radiance)
+    shown = Rendered(SCENE, told, {LAMP: radiance}, {LAMP: np.ones(3)}, nothing, nothing, {}, {})
+    assert back.mask is not None
+    c = Condition((back,), SCENE, told, back.pixels, None, back.mask, rendered=shown)
+    found = processings([c], [by], plain.processed)[CAMERA.name]
+    assert found.mosaic is Mosaic.GRBG
+    assert len(notes([found])) == 1  # the file says none
+    assert found.matrix is not None
+    assert found.matrix.rows == pytest.approx(said @ left)
+
+
+def test_large_jpegs_of_a_mosaic_are_binned() -> None:
+    large = replace(SENSOR, resolution=(1200, 1000))
+    pixels = np.full((1000, 1200, 3), 90, np.float32)
+    captures, document = given(pixels, large)
+    assert times_binned(captures, document) == 2
+    plain = without_declared(captures, document)
+    by = binning_of(plain.captures, plain.document, 2)
+    assert (by.n, by.colours) == (2, False)
 
 
 def test_what_is_not_said_or_not_to_be_taken_back_stays() -> None:
