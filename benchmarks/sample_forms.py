@@ -1,6 +1,6 @@
 """The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared, by
 a mosaic of colours, raw, interpolated, through a colour matrix, as a picture (8 bits by sRGB's curve), and as JPEGs: of
-that picture, and of the 8 bits as they are.
+that picture, with a scene file that says so or not, and of the 8 bits as they are.
 
 python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
@@ -14,6 +14,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from pxr import Sdf, Usd, UsdGeom
 
 BLACK, HIGHEST = 64, 4095  # DN of the sample's sensor
 FEW = (0, 2, 4, 6)
@@ -74,10 +75,38 @@ def compressed(dn: np.ndarray) -> np.ndarray:
     return packed(eight(dn))
 
 
+KINDS = {
+    int: Sdf.ValueTypeNames.Int,
+    str: Sdf.ValueTypeNames.Token,
+    list: Sdf.ValueTypeNames.FloatArray,
+    bool: Sdf.ValueTypeNames.Bool,
+}
+SAID = {  # of the cameras that ``jpeg`` is taken by
+    "blackLevel": 0,
+    "mosaic": "RGGB",
+    "demosaic": "bilinear",
+    "colorCorrection": SATURATING.ravel().tolist(),
+    "response": "sRGB",
+    "outputBitDepth": 8,
+    "jpegQuality": QUALITY,
+    "jpegSubsampling": True,
+}
+
+
 FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "colours": colours,
-    "picture": picture, "jpeg": jpeg, "compressed": compressed,
+    "picture": picture, "jpeg": jpeg, "declared": jpeg, "compressed": compressed,
 }  # fmt: skip
+
+
+def say(scene: Path) -> None:
+    """Cameras of the scene file have all that ``SAID`` says."""
+    stage = Usd.Stage.Open(str(scene))
+    for prim in stage.Traverse():
+        if prim.IsA(UsdGeom.Camera):
+            for name, value in SAID.items():
+                prim.CreateAttribute(f"sensor:{name}", KINDS[type(value)]).Set(value)
+    stage.Save()
 
 
 def main() -> None:
@@ -98,6 +127,8 @@ def main() -> None:
             for c in head["captures"]:
                 image = cv2.imread(str(args.case / c["image"]), cv2.IMREAD_UNCHANGED)
                 cv2.imwrite(str(folder / c["image"]), FORMS[name](image))
+        if name == "declared":
+            say(folder / head["scene"])
         (folder / "captures.json").write_text(json.dumps(own, indent=1))
         print(folder / "captures.json")
 

@@ -10,6 +10,8 @@ import pytest
 from benchmarks import sample_forms
 from interchange.captures import Captures
 from interchange.formats import captures
+from interchange.formats.document import open_scene
+from interchange.sensor import Demosaic, Mosaic, Response
 
 SAMPLE = Path(__file__).parents[2] / "assets/bench_sample"
 
@@ -30,11 +32,21 @@ def test_every_form_can_be_read(forms: dict[str, Captures]) -> None:
         "srgb",
         "picture",
         "jpeg",
+        "declared",
         "compressed",
     }
     assert {n for n, c in forms.items() if c.captures[0].pixels.shape[2] == 1} == {"grey", "raw"}
     assert len(forms["few"].captures) == len(sample_forms.FEW)
     assert "tolerances" not in json.loads(forms["undeclared"].file.read_text())
+
+
+def test_the_scene_of_what_is_declared_says_it(forms: dict[str, Captures]) -> None:
+    for camera in open_scene(forms["declared"].scene).scene().cameras:
+        s = camera.sensor
+        assert (s.mosaic, s.demosaic, s.response) == (Mosaic.RGGB, Demosaic.BILINEAR, Response.SRGB)
+        assert (s.black_level, s.bits_out, s.jpeg_quality, s.jpeg_subsampling) == (0, 8, 95, True)
+        assert s.color_correction == pytest.approx(sample_forms.SATURATING.ravel())
+    assert open_scene(forms["jpeg"].scene).scene().cameras[0].sensor.mosaic is Mosaic.NONE
 
 
 def test_what_a_filter_let_through_stays_where_it_was(forms: dict[str, Captures]) -> None:
