@@ -1,5 +1,5 @@
 # make demo   a CAD part becomes an inspection scene, shown by both renderers; captures are diagnosed: out/demo/index.html
-# make test   proves it
+# make test   proves it; make test-slow proves what takes longer
 # Each target installs what it needs: a virtual environment in .venv, and Debian packages where it may.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -8,13 +8,17 @@ BIN := $(VENV)/bin
 PACKAGES := libegl1 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libxfixes3 libxxf86vm1
 LIBRARIES := libEGL.so.1 libGL.so.1 libXrender.so.1 libXi.so.6 libxkbcommon.so.0 libSM.so.6 libXfixes.so.3 libXxf86vm.so.1
 
-.PHONY: demo test lint format bench truth reference clean setup system screen
+.PHONY: demo test test-slow lint format bench truth reference clean setup system screen
 
 demo: setup
 	$(BIN)/brightfield demo --out out/demo
 
 test: setup screen
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=15
+
+# diagnoses from end to end, series that are killed and go on, long statistics; some eight minutes
+test-slow: setup
+	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --no-loadscope-reorder --durations=15
 
 lint: setup
 	$(BIN)/ruff check .

@@ -111,9 +111,10 @@ def beside_structure(fitted: Fit, left: float, probable: float) -> Fit:
 
 
 def only_called(fitted: Fit) -> Fit:
-    """With what is too improbable to be called at what calibration leaves of it, and all else as it is then: it closes
-    nothing. Where nothing is called, what is taken for a larger error of the calibration than was declared is one: the
-    file at its best has it, before and after; and where calibration's errors explain everything, that is as they do."""
+    """With what is too improbable to be called at what calibration leaves of it, and all else as it is then, before and
+    after: it closes nothing, and what is called closes no more than it does itself. Where nothing is called, what is
+    taken for a larger error of the calibration than was declared is one: the file at its best has it, before and after;
+    and where calibration's errors explain everything, that is as they do."""
     best, kept = fitted.best, called(fitted)
     if len(kept) == len(best.causes):
         return fitted
@@ -122,7 +123,8 @@ def only_called(fitted: Fit) -> Fit:
         alone = larger or fitted.probability_of_none >= PRESENT
         nothing = fitted.stood(best.of(larger)) if alone else fitted.before
         return replace(fitted, before=nothing, after=nothing)
-    return replace(fitted, after=fitted.stood(best.of(kept)))
+    sure = replace(fitted, after=fitted.stood(best.of(kept)))
+    return replace(sure, before=lacking(sure, kept))
 
 
 def less_what_is_slight(fitted: Fit) -> Fit:

@@ -7,7 +7,14 @@ from functools import partial
 import numpy as np
 
 from analysis.gap.attribution import PATTERN, called
-from analysis.gap.calling import as_written_if_better, beside_structure, borne_out, only_called, upheld
+from analysis.gap.calling import (
+    as_written_if_better,
+    beside_structure,
+    borne_out,
+    no_worse,
+    only_called,
+    upheld,
+)
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
@@ -59,7 +66,12 @@ def verdict(
     where nothing can be compared."""
     held = [c for c in conditions if c.held_out]
     told = partial(_told, conditions, judged, scale, off)
-    sure = borne_out(fitted, held, judged, scale)
+    fitted_to = [c for c in conditions if not c.held_out]
+
+    def at_its_best(sure: Fit, was: Fit) -> Fit:
+        return sure if sure.before is was.before or not called(sure) else no_worse(fitted_to, sure)
+
+    sure = at_its_best(borne_out(fitted, held, judged, scale), fitted)
     if sure.after is not fitted.after:
         corrected = sure.after.simulations(conditions)
     while True:
@@ -71,8 +83,8 @@ def verdict(
             break
         # those that stay are as probable as they were, until they are held against what is left then
         less = {c: doubted.probability[c] for c in gone}
-        sure = only_called(replace(sure, probability={**sure.probability, **less}))
-        sure = upheld(sure, held, found.by)  # it stands elsewhere without them
+        fewer = only_called(replace(sure, probability={**sure.probability, **less}))
+        sure = upheld(at_its_best(fewer, sure), held, found.by)  # it stands elsewhere without them
         corrected = sure.after.simulations(conditions)
     if called(doubted):
         return replace(found, fitted=doubted)

@@ -167,6 +167,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise):
     assert binom.sf(inside - 1, total, 0.95) > 1e-4
 
 
+@pytest.mark.slow
 def test_intervals_of_a_whole_fit_by_logarithms_hold_the_truth_at_small_noise():
     """As above at 5 % noise, by what is minimised where no σ is known, the search and all."""
     truth, (wi, wo) = Ward((0.2, 0.1, 0.05), (0.1, 0.15, 0.2), 0.17), goniometer(width=0.25, count=40)

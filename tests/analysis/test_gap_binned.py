@@ -114,6 +114,7 @@ def found(bare: Rig) -> Diagnosed:
     return bare.diagnosed(bare.captured("binned", (Defocus(blur=2.0),)), "binned", binning=2, reflected=False)
 
 
+@pytest.mark.slow
 def test_captures_that_are_binned_tell_the_same(found: Diagnosed) -> None:
     d = found.diagnosis
     effects = {e.name: e.parameters for e in d.effects if e.probability > 0.5}
@@ -123,6 +124,7 @@ def test_captures_that_are_binned_tell_the_same(found: Diagnosed) -> None:
     assert any("--bin 2" in n for n in d.notes)
 
 
+@pytest.mark.slow
 def test_the_scene_that_is_corrected_is_the_sensor_s_own(bare: Rig, found: Diagnosed) -> None:
     corrected = open_scene(bare.folder / "binned" / found.diagnosis.corrected_scene)
     camera = corrected.scene(0).cameras[0]

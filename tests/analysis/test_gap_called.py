@@ -94,6 +94,14 @@ def test_what_is_called_is_fitted_without_the_rest() -> None:
     assert abs(theta[1]) < 0.03
 
 
+def test_what_is_called_closes_no_more_than_it_does() -> None:
+    """A black level 4 DN off, which an error of the calibration may be, is one after and before: the vignetting that
+    was called closed it."""
+    sure = only_called(_fit(0.9, 0.3))
+    assert sure.before.theta[0] == 0.0
+    assert sure.before.theta[1] == sure.after.theta[1] != 0.0
+
+
 def test_errors_have_what_calibration_leaves_of_causes_that_are_not_called() -> None:
     """As the claim has: photographs of a board had a lens and a glare that was not called, 17 DN in black squares of
     the file rendered anew and 20 where it was claimed."""

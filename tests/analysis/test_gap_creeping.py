@@ -46,6 +46,7 @@ def test_conditions_are_counted_by_camera_from_first_to_last(found: list[Conditi
         np.testing.assert_allclose(when, np.linspace(0, 1, len(when)))
 
 
+@pytest.mark.slow
 def test_what_each_condition_shows_of_it_tells_by_how_much_a_camera_creeps(
     rig: Rig, found: list[Condition]
 ) -> None:

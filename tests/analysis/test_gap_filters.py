@@ -181,6 +181,7 @@ def declared(colours: Rig, captures: Captures) -> Diagnosis:
     return colours.diagnosed(captures, "balance", binning=n, reflected=False).diagnosis
 
 
+@pytest.mark.slow
 def test_a_colour_camera_s_channels_are_told_apart(captures: Captures, declared: Diagnosis) -> None:
     """Demosaiced captures with repeats: their noise is the sensor's, where interpolated values would have less; what
     its filters do is no aberration, and channels are off by what they are off by."""
@@ -215,6 +216,7 @@ def test_a_mosaic_that_the_scene_file_does_not_say_is_taken_as_one(
     assert any("--bin 2 takes" in note for note in notes(captures, binning_of(captures, silent.document, 1)))
 
 
+@pytest.mark.slow
 def test_a_matrix_is_taken_back_before_the_pixels_are(
     colours: Rig, captures: Captures, monkeypatch: pytest.MonkeyPatch
 ) -> None:

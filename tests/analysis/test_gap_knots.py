@@ -139,7 +139,8 @@ def test_all_lamps_alike_are_the_sum_of_each(
 def test_what_was_rendered_is_read_from_disk(
     folder: Path, found: list[Condition], terms: dict[tuple[str, str, str], Term], knots: Knots
 ) -> None:
-    for term in terms.values():
+    asked = {t.cause: t for t in terms.values()}  # one of each effect
+    for term in asked.values():
         term.field(State(found[0]))
     assert knots.rendered
 
@@ -148,7 +149,9 @@ def test_what_was_rendered_is_read_from_disk(
 
     again = Knots(folder / "cache", never)
     for term in knot_terms(found, Tolerances(), again):
-        a, b = term.field(State(found[0])), terms[term.key].field(State(found[0]))
+        if term.key != asked[term.cause].key:
+            continue
+        a, b = term.field(State(found[0])), asked[term.cause].field(State(found[0]))
         assert (a is None and b is None) or np.array_equal(a, b)
     assert again.rendered == 0
 

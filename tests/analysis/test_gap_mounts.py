@@ -76,6 +76,7 @@ def test_where_all_lamps_stand_elsewhere_each_is_told_from_there(found, knots, r
     assert np.sqrt(np.mean((column - real) ** 2)) < 0.3 * np.sqrt(np.mean(real**2))
 
 
+@pytest.mark.slow
 def test_all_lamps_that_moved_alike_are_one_cause(found, knots, rasterizer) -> None:
     rng = np.random.default_rng(3)
     captured = []

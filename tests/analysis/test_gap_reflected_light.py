@@ -23,6 +23,7 @@ def test_the_bench_reflects(rig: Rig) -> None:
     assert all(np.isfinite(p).all() and p.min() >= 0 for p in shown.undrawn.values())
 
 
+@pytest.mark.slow
 def test_it_is_found_alone_and_all_of_it(found: Diagnosed) -> None:
     d = found.diagnosis
     effects = {e.name: e for e in d.effects if e.probability > 0.5}
@@ -33,12 +34,14 @@ def test_it_is_found_alone_and_all_of_it(found: Diagnosed) -> None:
     assert d.gap.after < 1.1
 
 
+@pytest.mark.slow
 def test_it_says_what_draws_it(found: Diagnosed) -> None:
     assert any("interreflection" in n and "--render offline" in n for n in found.diagnosis.notes)
     assert found.diagnosis.verification is not None
     assert found.diagnosis.verification.holds
 
 
+@pytest.mark.slow
 def test_on_a_large_sensor_it_is_traced_on_a_coarser_grid(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Away from what a coarser pixel shows two surfaces of it is the same within the denoiser's 1 % of the signal."""
     scene = rig.document.scene(0)

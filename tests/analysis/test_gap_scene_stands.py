@@ -166,6 +166,7 @@ def test_sensitivities_are_kept_where_the_model_stands_near(found, knots) -> Non
     assert kept.of(np.array([2, 0])).columns[0] == pytest.approx(kept.columns[0])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarser")
 def test_an_object_that_lies_elsewhere_is_followed_there(few, knots, rasterizer, monkeypatch) -> None:
     """1.5 px away, which no single linearisation tells: named alone, and its place within a tenth of a px. By one
@@ -214,6 +215,7 @@ def test_a_tilt_is_told_where_an_object_stands(found, knots, rasterizer, way) ->
         assert np.sqrt(np.mean((column - real) ** 2) / np.mean(real**2)) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarser")
 def test_an_object_that_lies_far_away_is_approached(few, knots, rasterizer) -> None:
     """12 px, more than the width of its sides, and turned by 6 degrees: within half a pixel, where what is linear
@@ -235,6 +237,7 @@ def test_an_object_that_lies_far_away_is_approached(few, knots, rasterizer) -> N
     assert at["rz"] == pytest.approx(far.rz, abs=30)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarser")
 def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, rasterizer) -> None:
     """By 4 px and 2 px. Alone the object goes a part of the camera's way too, 3.6 mm aside; beside it it comes to where
@@ -285,7 +288,7 @@ def test_an_image_too_small_for_means_has_nothing_to_approach(found, knots) -> N
     assert approached_beside(search, causes, first) is None
 
 
-@pytest.mark.parametrize("size", [0.98, 1.02])
+@pytest.mark.parametrize("size", [pytest.param(0.98, marks=pytest.mark.slow), 1.02])
 def test_an_objects_size_is_found_on_both_sides(found, knots, rasterizer, size) -> None:
     """Within a tenth of what it is off by, and its height by what a 25th of a px of its top is: its cause alone,
     followed from the scene as written."""

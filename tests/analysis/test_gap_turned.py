@@ -101,6 +101,7 @@ def test_the_report_lists_it_as_a_rival() -> None:
     assert _rivals(fitted, [POINT]) == (("camera_pose", pytest.approx(0.432)),)
 
 
+@pytest.mark.slow
 def test_captures_do_not_tell_a_shift_of_the_image_from_a_turn(rig: Rig) -> None:
     """Its sensitivities and those of the pose are of one stand: from 0.1 px away edges look another way, and what one
     of them left of the other was up to 54 sigma²."""

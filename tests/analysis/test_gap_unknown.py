@@ -100,12 +100,14 @@ def test_a_spot_on_the_lens_is_unknown_and_nothing_is_blamed(fitted: Fitted) -> 
     assert down == pytest.approx(100 * 30 / HEIGHT, abs=12)
 
 
+@pytest.mark.slow
 def test_stripes_are_told_with_their_period(fitted: Fitted) -> None:
     causes = [c for c, p in fitted(2).probability.items() if p > 0.5]
     assert [c[0] for c in causes] == [WAVES]
     assert "period 7.0 px at 90 degrees" in causes[0][1]
 
 
+@pytest.mark.slow
 def test_light_that_columns_gather_is_no_glare(fitted: Fitted) -> None:
     found = fitted(3)
     assert [c for c, p in found.probability.items() if p > 0.5] == [(SMEAR[0], "")]

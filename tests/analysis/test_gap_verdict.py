@@ -35,6 +35,7 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     monkeypatch.setattr(module, "_told", told)
     monkeypatch.setattr(module, "borne_out", lambda fitted, *rest: fitted)
     monkeypatch.setattr(module, "upheld", lambda fitted, *rest: fitted)
+    monkeypatch.setattr(module, "no_worse", lambda conditions, fitted: fitted)
     return amounts
 
 

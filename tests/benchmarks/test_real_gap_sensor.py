@@ -11,6 +11,7 @@ from interchange.formats import emva_data
 WHOLE = emva_data.read(real_gap.ASSETS / "camera_emva1288/EMVA1288_Data.txt")
 
 
+@pytest.mark.slow
 def test_an_ideal_sensor_lacks_what_emva_1288_measures_and_nothing_else(tmp_path, monkeypatch):
     """Every other level of exposure, lit and dark, which takes half of the time."""
     half = replace(WHOLE, points=[p for k, p in enumerate(WHOLE.points) if k // 2 % 2 == 0])

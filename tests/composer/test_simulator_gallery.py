@@ -7,6 +7,7 @@ from composer.gallery.simulator import make
 from interchange.formats import images
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)  # both renderers start; a busy machine takes minutes
 def test_figures_of_the_simulator_are_drawn(tmp_path):
     """Small. The part's front lies behind the lid's edge: from the camera, 0.276 m above the table and 0.3 m before the

@@ -35,6 +35,7 @@ def small(folder: Path) -> Path:
     return folder / "plan.yaml"
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)  # two starts of the program; a busy machine takes minutes
 def test_a_series_that_is_killed_goes_on_where_it_stopped(tmp_path, capsys):
     plan, out = small(tmp_path), tmp_path / "series"

@@ -71,6 +71,7 @@ def numbers(line: str) -> list[float | None]:
     return [float(c) if c and c.lstrip("+-").replace(".", "").isdigit() else None for c in cells]
 
 
+@pytest.mark.slow
 def test_printed_discs_have_the_edges_and_the_dn_that_their_neighbours_foretell(flea3):
     """The data sheet's focal length; edges to 0.2 px, paper to 1 % of its DN and ink to half a DN (green sites)."""
     lines, panel = flea3.discs(flea3_assets())

@@ -85,7 +85,13 @@ LAMPS = {
 }
 
 
-@pytest.mark.parametrize("lamp", LAMPS.values(), ids=LAMPS.keys())
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        pytest.param(lamp, id=name, marks=[pytest.mark.slow] if name in ("small sphere", "disk") else [])
+        for name, lamp in LAMPS.items()
+    ],
+)
 def test_direct_light_agrees(cycles, rasterizer, lamp):
     """Issue: 95 % of the pixels away from silhouettes within 1 %."""
     scene = table((lamp,))

@@ -83,6 +83,7 @@ def _corner(build: Build, floor: float) -> Scene:
     return Scene(bodies, (lamp,))
 
 
+@pytest.mark.slow
 def test_reflected_light_grows_with_a_floors_albedo_as_paths_say(build: Build, tmp_path: Path) -> None:
     """On the walls to a tenth, of both what a path tracer's difference tells and what is told: what no camera sees and
     what stands between is left out, of which there is none here. Mean over some hundred pixels of denoised paths, whose

@@ -77,7 +77,13 @@ def test_light_of_a_matte_plane_is_the_closed_form(cycles, build, lens):
 OPTICS = {**{name: (lens, (2.4e-5, 2.5e-5)) for name, lens in LENSES.items()}, **NATIVE}
 
 
-@pytest.mark.parametrize(("lens", "pitch"), OPTICS.values(), ids=OPTICS.keys())
+@pytest.mark.parametrize(
+    ("lens", "pitch"),
+    [
+        pytest.param(*optics, id=name, marks=[pytest.mark.slow] if name in list(NATIVE)[1:] else [])
+        for name, optics in OPTICS.items()
+    ],
+)
 def test_light_falls_where_the_lens_puts_it(cycles, build, lens, pitch):
     """A plane that glows by its coordinates, linearly: the mean over a pixel's square tells where the pixel looks.
 

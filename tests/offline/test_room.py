@@ -52,6 +52,7 @@ def test_of_a_ball_that_floats_by_its_normal(build: Build, tmp_path: Path) -> No
         assert offset == pytest.approx(0, abs=0.03)
 
 
+@pytest.mark.slow
 def test_together_with_what_comes_from_everywhere_it_is_the_light_itself(
     build: Build, cycles: Cycles, tmp_path: Path
 ) -> None:

@@ -64,7 +64,10 @@ def test_a_shadow_on_points_that_stand_off_ends_sooner(rasterizer, make, offset)
     assert abs(abs(nearer) - 0.5 * offset) < 1e-3  # a third of a texel
 
 
-@pytest.mark.parametrize("kind", ["rect", "disk", "sphere", "cylinder", "distant"])
+@pytest.mark.parametrize(
+    "kind",
+    ["rect", "distant", *(pytest.param(k, marks=pytest.mark.slow) for k in ("disk", "sphere", "cylinder"))],
+)
 def test_penumbra(rasterizer, make, kind):
     """Behind a straight edge half-way up, the lamp comes out of the shadow by its own outline's
     area; within the discrepancy of its 256 points."""

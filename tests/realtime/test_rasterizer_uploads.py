@@ -79,6 +79,7 @@ def test_instances_share_one_mesh(rasterizer, make):
     assert len(np.unique(image.passes["object_id"])) > 900
 
 
+@pytest.mark.slow
 def test_memory_is_flat(make):
     """A new mesh, material and texture every frame: after a warm-up, 300 frames leave nothing behind."""
     camera = make.pinhole((0, -1.2, 0.9), (0, 0, 0.1), (48, 36), 0.9)
