@@ -61,20 +61,6 @@ def picture(dn: np.ndarray) -> np.ndarray:
     return srgb(colours(dn))
 
 
-def packed(y: np.ndarray) -> np.ndarray:
-    """What a JPEG leaves, its colour at half the resolution."""
-    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", y, quality)[1], cv2.IMREAD_COLOR))
-
-
-def jpeg(dn: np.ndarray) -> np.ndarray:
-    return packed(picture(dn))
-
-
-def compressed(dn: np.ndarray) -> np.ndarray:
-    return packed(eight(dn))
-
-
 KINDS = {
     int: Sdf.ValueTypeNames.Int,
     str: Sdf.ValueTypeNames.Token,
@@ -95,8 +81,9 @@ SAID = {  # of the cameras that ``jpeg`` is taken by
 
 FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "colours": colours,
-    "picture": picture, "jpeg": jpeg, "declared": jpeg, "compressed": compressed,
+    "picture": picture, "jpeg": picture, "declared": picture, "compressed": eight,
 }  # fmt: skip
+PACKED = ("jpeg", "declared", "compressed")  # files of QUALITY, colour at half the resolution
 
 
 def say(scene: Path) -> None:
@@ -107,6 +94,16 @@ def say(scene: Path) -> None:
             for name, value in SAID.items():
                 prim.CreateAttribute(f"sensor:{name}", KINDS[type(value)]).Set(value)
     stage.Save()
+
+
+def written(case: Path, folder: Path, image: str, form: str) -> str:
+    """An image of the case in a form, into ``folder``; its name there."""
+    there = Path(image).with_suffix(".jpg") if form in PACKED else Path(image)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY] if form in PACKED else []
+    cv2.imwrite(
+        str(folder / there), FORMS[form](cv2.imread(str(case / image), cv2.IMREAD_UNCHANGED)), quality
+    )
+    return str(there)
 
 
 def main() -> None:
@@ -124,9 +121,9 @@ def main() -> None:
         elif name == "undeclared":
             own.pop("tolerances", None)
         else:
-            for c in head["captures"]:
-                image = cv2.imread(str(args.case / c["image"]), cv2.IMREAD_UNCHANGED)
-                cv2.imwrite(str(folder / c["image"]), FORMS[name](image))
+            own["captures"] = [
+                {**c, "image": written(args.case, folder, c["image"], name)} for c in head["captures"]
+            ]
         if name == "declared":
             say(folder / head["scene"])
         (folder / "captures.json").write_text(json.dumps(own, indent=1))

@@ -31,7 +31,7 @@ class Capture:
     """``pixels`` (H, W, 1) or (H, W, 3) float32, DN; ``mask`` (H, W) bool, False leaves a pixel out.
 
     ``time``: time code of the scene; ``exposure`` s; ``gain_dB`` None is the camera's own; ``bits`` of the file,
-    0 for floats.
+    0 for floats. ``jpeg``: libjpeg's quality, and whether colour is at half the resolution, of a JPEG file.
     """
 
     image: str
@@ -42,6 +42,7 @@ class Capture:
     gain_dB: float | None = None
     mask: np.ndarray | None = None
     bits: int = 16
+    jpeg: tuple[int, bool] | None = None
     where: Where = field(default=Where(), compare=False)
 
 

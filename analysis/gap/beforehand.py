@@ -11,8 +11,7 @@ import numpy as np
 
 from analysis.gap.binned import Binning, binned_captures, binning_of
 from analysis.gap.code_findings import with_steps
-from analysis.gap.compressed import GROUNDS as PACKED
-from analysis.gap.compressed import Compressed, compressed, processings, qualities, with_errors
+from analysis.gap.compressed import Compressed, compressed, grounds, processings, qualities, with_errors
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.declared import without_declared
@@ -75,7 +74,7 @@ class Beforehand:
             least, names = v.gap.before**2, [x.camera for x in self.packed]
             v = further(v, [self._unpacked(c) - c.simulated().dn for c in held])
             told, taken_off = qualities(self.packed), v.gap.before**2 - least
-            known.append(Known(JPEG, told, PACKED, taken_off, self._alone(names)))
+            known.append(Known(JPEG, told, grounds(self.packed), taken_off, self._alone(names)))
         if self.mixed:
             least = v.gap.before**2
             v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])

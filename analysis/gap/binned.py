@@ -243,4 +243,5 @@ def _binned(capture: Capture, camera: Camera, by: Binning, saturated: float) -> 
     else:
         means = parts.mean(axis=(1, 3), dtype=np.float64)
     bits = capture.bits if by.averaged == 1 else 0
-    return replace(capture, pixels=means.astype(np.float32), mask=mask, bits=bits)
+    jpeg = capture.jpeg if by.averaged == 1 else None
+    return replace(capture, pixels=means.astype(np.float32), mask=mask, bits=bits, jpeg=jpeg)

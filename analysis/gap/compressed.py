@@ -1,6 +1,6 @@
-"""Captures that are JPEGs where the scene file says of none: told by the files alone, and taken so before anything is
-fitted. Colour at half the resolution moves the mean image wherever colours meet (analysis.gap.halved_colour), and what
-repeats differ by is no longer the sensor's noise.
+"""Captures that are JPEGs where the scene file says of none: told by the files' tables, or by the pixels alone of what
+was unpacked since, and taken so before anything is fitted. Colour at half the resolution moves the mean image wherever
+colours meet (analysis.gap.halved_colour), and what repeats differ by is no longer the sensor's noise.
 
 Compressing once more changes least at the quality that an image was compressed by.
 
@@ -36,6 +36,7 @@ SHALLOW = (
 DRAWS = 8
 FEW = 2  # draws, to tell a mosaic
 TWIN = 0.01  # of the signal, that a twin is off: whole images are not rounded alike
+OF_FILES = "The captures are JPEG files, whose tables say by which quality: they were taken so before anything was fitted."
 GROUNDS = (
     "Compressing the captures once more changes least at one quality, as of what was compressed by it: they were taken "
     "as JPEGs before anything was fitted."
@@ -44,11 +45,12 @@ GROUNDS = (
 
 @dataclass(frozen=True)
 class Compressed:
-    """A camera whose captures are JPEGs; ``halved``: colour at half the resolution, 4:2:0."""
+    """A camera whose captures are JPEGs; ``halved``: colour at half the resolution, 4:2:0; ``stated`` by the files."""
 
     camera: str
     quality: int
     halved: bool
+    stated: bool = False
 
     def of(self, camera: Camera) -> Camera:
         """The camera as its captures are."""
@@ -72,8 +74,13 @@ def compressed(found: Sequence[Condition]) -> list[Compressed]:
         name = c.camera.name
         if is_looked_for(c) and (name not in cameras or c.mean.mean() > cameras[name].mean.mean()):
             cameras[name] = c
-    told = each(_told, [c.captures[0].pixels for c in cameras.values()])
-    return [Compressed(name, *t) for name, t in zip(cameras, told, strict=True) if t is not None]
+    first = [c.captures[0] for c in cameras.values()]
+    told = each(lambda x: x.jpeg or _told(x.pixels), first)
+    return [
+        Compressed(name, *t, stated=x.jpeg is not None)
+        for name, x, t in zip(cameras, first, told, strict=True)
+        if t is not None
+    ]
 
 
 def with_errors(found: Sequence[Condition], before: Mapping[str, Processing]) -> list[Condition]:
@@ -140,8 +147,15 @@ def _off(c: Condition, before: Processing, rng: np.random.Generator, draws: int)
 
 def qualities(by: Sequence[Compressed]) -> dict[str, Estimate]:
     return {
-        f"{called(x.camera)} quality" if len(by) > 1 else "quality": Estimate(x.quality, 1.0, "1") for x in by
+        f"{called(x.camera)} quality" if len(by) > 1 else "quality": Estimate(
+            x.quality, 0.0 if x.stated else 1.0, "1"
+        )
+        for x in by
     }
+
+
+def grounds(by: Sequence[Compressed]) -> str:
+    return OF_FILES if all(x.stated for x in by) else GROUNDS
 
 
 def notes(by: Sequence[Compressed], mixed: Sequence[str] = ()) -> list[str]:

@@ -123,9 +123,10 @@ class Diagnosis:
 
 def record(d: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` holds: the contract's keys, and behind them those that it leaves to us: ``share`` of an
-    effect, ``gap.as_written`` (the scene file rendered as it is), ``waterfall``, ``edges``, ``metric``, ``verified``,
-    ``smallest`` (severity that an effect would be found from, ``easiest`` and ``hardest``; null: never),
-    ``tolerances_over_declared``, ``rehearsal``, ``left`` (of σ², away from edges), ``notes``."""
+    effect, ``gap.as_written`` (the scene file rendered as it is), ``unknown`` (what is not in the catalogue, in words),
+    ``waterfall``, ``edges``, ``metric``, ``verified``, ``smallest`` (severity that an effect would be found from,
+    ``easiest`` and ``hardest``; null: never), ``tolerances_over_declared``, ``rehearsal``, ``left`` (of σ², away from
+    edges), ``notes``."""
     g = d.gap
     return {
         "verdict": d.verdict,
@@ -165,6 +166,7 @@ def record(d: Diagnosis) -> dict[str, Any]:
         },
         "corrected_scene": d.corrected_scene,
         "seconds": d.seconds,
+        "unknown": [{"name": words, "probability": p} for words, p in d.unknown],
         "waterfall": [{"name": s.name, "kind": s.kind, "chi2": s.chi2} for s in d.waterfall],
         "edges": _edges(d.edges) if d.edges else None,
         "metric": _metric(d.metric) if d.metric else None,

@@ -11,11 +11,14 @@ import numpy as np
 
 from interchange.captures import Capture, Captures, Tolerances
 from interchange.formats import exr, images
+from interchange.formats.jpeg_tables import stated
 from interchange.parameter import ParameterError
 from interchange.problems import FileError, Problem, Where, did_you_mean
 
 HEAD = {"scene", "captures", "holdout", "tolerances"}
 ENTRY = {"image", "camera", "time", "exposure", "gain", "mask"}
+EXACT = (".png", ".tif", ".tiff", ".bmp")
+LOSSY = (".jpg", ".jpeg")  # no masks, as edges ring
 LIMITS = {"time": (-1e12, 1e12), "exposure": (1e-12, 1e6), "gain": (-60.0, 120.0)}
 
 
@@ -140,14 +143,14 @@ def _capture(path: Path, entry: Any, key: str, wrong: Any) -> Capture | None:
     if not good:
         return None
     try:
-        pixels, bits = _pixels(path.parent / entry["image"])
+        pixels, bits = _pixels(path.parent / entry["image"], "capture", EXACT + LOSSY)
         mask = None
         if entry.get("mask") is not None:
             if not isinstance(entry["mask"], str):
                 raise FileError(
                     Problem("A mask must be the name of an image.", Where(str(path), f"{key}.mask"))
                 )
-            mask = _pixels(path.parent / entry["mask"])[0].max(axis=-1) > 0
+            mask = _pixels(path.parent / entry["mask"], "mask", EXACT)[0].max(axis=-1) > 0
     except FileError as error:
         for problem in error.problems:
             wrong(f"{key}.image", str(problem))
@@ -166,24 +169,26 @@ def _capture(path: Path, entry: Any, key: str, wrong: Any) -> Capture | None:
         gain_dB=None if gain is None else float(gain),
         mask=mask,
         bits=bits,
+        jpeg=stated(path.parent / entry["image"]) if Path(entry["image"]).suffix.lower() in LOSSY else None,
         where=Where(str(path), key),
     )
 
 
-def _pixels(path: Path) -> tuple[np.ndarray, int]:
+def _pixels(path: Path, what: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, int]:
     """(H, W, 1) or (H, W, 3) float32 DN, and the bits of the file: 8, 16, or 0 for EXR."""
     where = Where(str(path))
     if path.suffix.lower() == ".exr":
         pixels, bits = exr.read(path).pixels, 0
         if not np.isfinite(pixels).all():
-            raise FileError(Problem("Every pixel of a capture must be a finite number.", where))
-    elif path.suffix.lower() in (".png", ".tif", ".tiff"):
+            raise FileError(Problem(f"Every pixel of a {what} must be a finite number.", where))
+    elif path.suffix.lower() in kinds:
         array = images.read(path)
         if array.dtype not in (np.uint8, np.uint16):
-            raise FileError(Problem(f"A capture must have 8 or 16 bits; got {array.dtype}.", where))
+            raise FileError(Problem(f"A {what} must have 8 or 16 bits; got {array.dtype}.", where))
         pixels, bits = array.astype(np.float32), 8 * array.dtype.itemsize
     else:
-        raise FileError(Problem(f"A capture must be PNG, TIFF or EXR; got {path.name}.", where))
+        may = ("PNG, TIFF, BMP, JPEG" if LOSSY[0] in kinds else "PNG, TIFF, BMP") + " or EXR"
+        raise FileError(Problem(f"A {what} must be {may}; got {path.name}.", where))
     if pixels.shape[2] not in (1, 3):
-        raise FileError(Problem(f"A capture must be grey or RGB; it has {pixels.shape[2]} channels.", where))
+        raise FileError(Problem(f"A {what} must be grey or RGB; it has {pixels.shape[2]} channels.", where))
     return np.asarray(pixels, np.float32), bits

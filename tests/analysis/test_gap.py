@@ -95,6 +95,11 @@ def test_the_file_is_as_the_contract_has_it(vignetting: Diagnosed) -> None:
     ]  # fmt: skip
     assert list(data["where"]["by_region"][0]) == ["kind", "name", "share"]
     assert data["effects"][0]["stage"] == "optics"
+    beside = record(replace(vignetting.diagnosis, unknown=(("fixed to the image", 0.7),)))
+    assert (beside["verdict"], beside["unknown"]) == (
+        "effects+unknown",
+        [{"name": "fixed to the image", "probability": 0.7}],
+    )
 
 
 def test_held_out_captures_refute_what_makes_them_worse(vignetting: Diagnosed) -> None:

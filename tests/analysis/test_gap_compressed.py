@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from analysis.gap.compressed import (
+    GROUNDS,
+    OF_FILES,
     SHALLOW,
     Compressed,
     compressed,
     dip,
+    grounds,
     notes,
     processings,
     qualities,
@@ -72,6 +75,18 @@ def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -
 def test_grey_has_no_colour_to_halve() -> None:
     (found,) = compressed([taken(packed(colours(np.random.default_rng(1))[..., :1], 80, False))])
     assert found == Compressed(CAMERA.name, 80, False)
+
+
+@pytest.mark.parametrize("quality", [60, 100])
+def test_what_files_say_is_taken_for_it(quality: int) -> None:
+    """Also of a quality that no pixels tell, and with grounds and a number that say so."""
+    bare = taken(packed(colours(np.random.default_rng(1)), quality, False))
+    file = replace(bare, captures=tuple(replace(x, jpeg=(quality, True)) for x in bare.captures))
+    found = compressed([file])
+    assert found == [Compressed(CAMERA.name, quality, True, stated=True)]
+    assert (qualities(found)["quality"].sigma, grounds(found)) == (0.0, OF_FILES)
+    untold = Compressed(CAMERA.name, quality, True)
+    assert (qualities([untold])["quality"].sigma, grounds([*found, untold])) == (1.0, GROUNDS)
 
 
 def test_what_is_even_or_noise_alone_is_no_jpeg() -> None:

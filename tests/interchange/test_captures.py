@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from interchange.captures import Tolerances
 from interchange.formats import captures, exr, images
@@ -60,6 +61,22 @@ def test_all_that_can_be_said_is_read(folder: Path) -> None:
     assert (grey.pixels.shape, grey.bits, linear.bits, linear.time) == ((4, 6, 1), 8, 0, 2.5)
     assert found.holdout == ("b.tif",)
     assert found.tolerances == Tolerances(albedo=0.02)
+
+
+def test_what_cameras_store_as_bmp_or_jpeg_is_read(folder: Path) -> None:
+    for name in ("a.bmp", "a.JPG"):
+        Pillow.fromarray(np.full((4, 6, 3), (40, 90, 140), np.uint8)).save(folder / name, quality=98)
+    exact, lossy = _read(folder, captures=[{**ENTRY, "image": n} for n in ("a.bmp", "a.JPG")]).captures
+    assert (exact.bits, lossy.bits) == (8, 8)
+    assert (exact.pixels == (40, 90, 140)).all()
+    assert lossy.pixels == pytest.approx(exact.pixels, abs=2)
+
+
+def test_a_mask_is_no_jpeg(folder: Path) -> None:
+    """Its 0 would be 3 beside an edge."""
+    Pillow.fromarray(np.eye(4, 6, dtype=np.uint8)).save(folder / "m.jpg")
+    (said,) = _messages(folder, captures=[{**ENTRY, "mask": "m.jpg"}])
+    assert "A mask must be PNG, TIFF, BMP or EXR; got m.jpg." in said
 
 
 def test_every_problem_is_told_at_once(folder: Path) -> None:
