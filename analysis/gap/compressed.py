@@ -36,7 +36,9 @@ SHALLOW = (
 DRAWS = 8
 FEW = 2  # draws, to tell a mosaic
 TWIN = 0.01  # of the signal, that a twin is off: whole images are not rounded alike
-OF_FILES = "The captures are JPEG files, whose tables say by which quality: they were taken so before anything was fitted."
+OF_FILES = (
+    "The captures are JPEG files, which say their quality: they were taken so before anything was fitted."
+)
 GROUNDS = (
     "Compressing the captures once more changes least at one quality, as of what was compressed by it: they were taken "
     "as JPEGs before anything was fitted."
