@@ -72,6 +72,7 @@ def test_exact_corners_give_the_lens_back(model):
     assert np.median(angle) < 0.01  # px
 
 
+@pytest.mark.slow
 def test_intervals_of_95_percent_hold_the_truth_95_times_in_100():
     """100 calibrations: of parameters, and of projections at nine pixels of the field. The share of one number has a
     binomial sd of 2.2 %; numbers of one calibration are correlated, so their mean is hardly better: 3 sd."""

@@ -104,8 +104,8 @@ def test_a_camera_alone_vibrates_where_its_exposures_tell_that_from_a_motion(fou
     ("effect", "cameras", "target"),
     [
         (Vignetting(-0.5, 0.0), (RIGHT,), RIGHT),
-        pytest.param(Vignetting(-0.5, 0.0), (LEFT, RIGHT), "", marks=pytest.mark.slow),
-        pytest.param(BlackLevel(94.0), (LEFT,), LEFT, marks=pytest.mark.slow),
+        (Vignetting(-0.5, 0.0), (LEFT, RIGHT), ""),
+        (BlackLevel(94.0), (LEFT,), LEFT),
     ],
 )
 def test_an_effect_of_one_camera_is_told_from_one_of_all(found, effect, cameras, target) -> None:

@@ -250,6 +250,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory, kept: Path) -> Rig:
     return rig_in(folder, kept, without, reflected=False, times=(0, 1, 4, 6, 10, 12))
 
 
+@pytest.mark.slow
 def test_captures_that_are_jpegs_are_told_and_nothing_else(bare: Rig) -> None:
     """Of 8 bits, colour halved: the file is found, the corrected scene says it, and rendered anew the claim holds."""
     captures = bare.captured("jpegs", ())

@@ -198,6 +198,7 @@ def test_a_colour_camera_s_channels_are_told_apart(captures: Captures, declared:
     assert d.verification.holds
 
 
+@pytest.mark.slow
 def test_a_mosaic_that_the_scene_file_does_not_say_is_taken_as_one(
     colours: Rig, captures: Captures, declared: Diagnosis, tmp_path: Path
 ) -> None:

@@ -115,6 +115,7 @@ def test_captures_differ_from_the_model_by_the_sensors_noise(found, fitted) -> N
     assert np.mean(np.concatenate(left)) == pytest.approx(1, abs=0.02)  # of some 70,000 values
 
 
+@pytest.mark.slow
 def test_strong_cases_of_ones_own_are_answered(found, fitted, monkeypatch) -> None:
     """Of an effect and of nothing, through the whole fit."""
     import analysis.gap.rehearsing as rehearsing

@@ -98,6 +98,7 @@ def scheduler() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+@pytest.mark.slow
 def test_killed_workers_cost_their_frame_only(scene: Path, scheduler: str):
     """After the first frame the Cycles process is killed in the next one, after the third the Dask worker with it."""
     jobs = plan(scene, [float(t) for t in range(5)], CyclesSettings(samples=800, max_bounces=2))

@@ -13,6 +13,7 @@ from composer.gallery.series import make, matched, sample_boxes
 from interchange.formats import images
 
 
+@pytest.mark.slow
 def test_all_figures_are_drawn(tmp_path):
     """Small: 32 px, 8 x 3 lamps. Materials are told apart all the same, by both kinds of features."""
     found = make(tmp_path / "out", tmp_path / "keep", size=32, azimuths=8, polar=3, samples=1)
