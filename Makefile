@@ -8,6 +8,9 @@ BIN := $(VENV)/bin
 PACKAGES := libegl1 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libxfixes3 libxxf86vm1
 LIBRARIES := libEGL.so.1 libGL.so.1 libXrender.so.1 libXi.so.6 libxkbcommon.so.0 libSM.so.6 libXfixes.so.3 libXxf86vm.so.1
 
+# programs start Python hundreds of times: what is compiled stays
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-slow lint format bench truth reference clean setup system screen
 
 demo: setup

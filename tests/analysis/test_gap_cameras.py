@@ -100,6 +100,7 @@ def test_a_camera_alone_vibrates_where_its_exposures_tell_that_from_a_motion(fou
     assert effects_at(list(terms.values()), at, State(found[-1])) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "cameras", "target"),
     [
