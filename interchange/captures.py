@@ -32,6 +32,7 @@ class Capture:
 
     ``time``: time code of the scene; ``exposure`` s; ``gain_dB`` None is the camera's own; ``bits`` of the file,
     0 for floats. ``jpeg``: libjpeg's quality, and whether colour is at half the resolution, of a JPEG file.
+    ``computed``: pixels are no longer the file's own numbers.
     """
 
     image: str
@@ -43,7 +44,13 @@ class Capture:
     mask: np.ndarray | None = None
     bits: int = 16
     jpeg: tuple[int, bool] | None = None
+    computed: bool = False
     where: Where = field(default=Where(), compare=False)
+
+    @property
+    def has_codes(self) -> bool:
+        """Whether pixels are integers that a file had."""
+        return self.bits > 0 and not self.computed
 
 
 @dataclass(frozen=True, eq=False)

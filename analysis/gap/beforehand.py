@@ -14,7 +14,7 @@ from analysis.gap.code_findings import with_steps
 from analysis.gap.compressed import Compressed, compressed, grounds, processings, qualities, with_errors
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
-from analysis.gap.declared import without_declared
+from analysis.gap.declared import Declared, without_declared
 from analysis.gap.diagnosis import Edges, Estimate, Finding
 from analysis.gap.encoded import GROUNDS, Screen, encoded, is_linear
 from analysis.gap.findings import CROSSTALK, CURVE, JPEG, SCREEN, Known, with_known
@@ -32,10 +32,11 @@ from analysis.gap.mosaics import must_say_its_mosaic
 from analysis.gap.overlap import must_overlap, with_files_bits
 from analysis.gap.own_pixels import edges_of_own_pixels, of_own_pixels
 from analysis.gap.own_pixels import notes as notes_on_pixels
+from analysis.gap.processed_means import compressed_files, own_pixels, with_errors_of_means
 from analysis.gap.processing import notes as notes_on_mosaics
 from analysis.gap.radiance import Rendered
 from analysis.gap.surroundings import without_surroundings
-from analysis.gap.taken_as import on_scene, taken_as
+from analysis.gap.taken_as import Told, on_scene, taken_as
 from analysis.gap.verdict import Verdict, against, further
 from interchange.camera import Camera
 from interchange.captures import Captures
@@ -50,7 +51,7 @@ class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
     together. ``packed``, ``screens`` and ``mixed``: the cameras whose captures are JPEGs, follow a curve or went
     through a matrix; ``said``: cameras by their conditions' names, as the scene file has them. ``around``: notes of
-    surroundings and of mosaics."""
+    surroundings and of mosaics; ``says``: what the file says that was taken back."""
 
     captures: Captures
     conditions: tuple[Condition, ...]
@@ -60,7 +61,12 @@ class Beforehand:
     screens: tuple[Screen, ...]
     mixed: tuple[Matrix, ...]
     said: dict[str, Camera]
+    says: Declared
     around: tuple[str, ...] = ()
+
+    def document(self, document: Document) -> Document:
+        """A scene file as its cameras were fitted: without what it says that was taken back, and binned."""
+        return self.by.document(self.says.document(document))
 
     def scene(self, scene: Scene) -> Scene:
         """A scene of the sensors' own pixels as what was fitted says it."""
@@ -139,40 +145,53 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     must_say_its_mosaic(own, unbinned.scene())
     by = binning_of(own, unbinned, binning)
 
-    def taken(of: Captures) -> tuple[Captures, Document]:
-        return (binned_captures(of, unbinned, by), by.document(unbinned)) if by.n > 1 else (of, unbinned)
+    def taken(of: Captures, told: Sequence[Told] = ()) -> tuple[Captures, list[Condition]]:
+        few, document = (
+            (binned_captures(of, unbinned, by, told), by.document(unbinned)) if by.n > 1 else (of, unbinned)
+        )
+        return few, with_steps(with_files_bits(conditions(few, document)))
 
-    captures, document = taken(own)
-    found = with_steps(with_files_bits(conditions(captures, document)))
+    captures, found = taken(own)
     rendered = drawn(found)
-    packed = compressed(found)
+    pixels = own_pixels(own, unbinned.scene(), by.n)
+    averaged = by.averaged > 1 and not by.colours
+    packed = [] if by.colours else compressed_files(own, pixels) if averaged else compressed(found)
+    of_files = () if averaged else packed  # blocks are of the sensors' own pixels
     whole, around = without_surroundings(
-        taken_as([replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)], packed)
+        taken_as([replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)], of_files)
     )
     must_overlap(whole)
     screens = encoded(whole)
+
+    def again(of: Captures) -> tuple[Captures, list[Condition], list[Condition]]:
+        few, anew = taken(of, screens)
+        compared = zip(anew, rendered, whole, strict=True)
+        return few, anew, [replace(c, rendered=r, mask=c.mask & w.mask) for c, r, w in compared]
+
+    if screens and by.averaged > 1:  # means are of light
+        captures, found, whole = again(own)
     linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
     as_taken = taken_as(whole, screens)
     mixed = matrices([c for c in as_taken if c.camera.name in linear])
     if mixed:
         pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
-        captures, document = taken(pure)
-        found = with_steps(with_files_bits(conditions(captures, document)))
-        whole = [
-            replace(c, rendered=r, mask=c.mask & w.mask)
-            for c, r, w in zip(found, rendered, whole, strict=True)
-        ]
+        captures, found, whole = again(pure)
     said = {c.name: c.camera for c in found}
-    whole = taken_as(whole, (*packed, *screens))
-    before = processings(whole, mixed, plain.processed)
+    whole = taken_as(whole, (*of_files, *screens))
+    if averaged:
+        whole, before = with_errors_of_means(whole, pixels.told((*packed, *screens)), plain.processed, mixed)
+    else:
+        told = processings(whole, mixed, plain.processed)
+        whole, before = with_errors(whole, told), list(told.values())
     return Beforehand(
         captures,
-        tuple(with_errors(whole, before)),
+        tuple(whole),
         own,
         by,
         tuple(packed),
         tuple(screens),
         tuple(mixed),
         said,
-        (*around, *notes_on_mosaics(list(before.values()))),
+        plain.says,
+        (*around, *notes_on_mosaics(before)),
     )

@@ -10,19 +10,23 @@ in those of the sensor's own pixels afterwards. What codes alone show (quantisat
 EMVA Standard 1288, release 4.0: a pixel of a camera that bins is what it reads out.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import ceil, sqrt
+from typing import Any
 
 import numpy as np
 
-from analysis.gap.declared import declared
+from analysis.gap.declared import declared, of_bits
+from analysis.gap.encoded import is_linear
 from analysis.gap.expected import SATURATED
-from analysis.gap.filters import BehindFilters, sites
+from analysis.gap.filters import Averaging, BehindFilters, sites
+from analysis.gap.matrices import encoded_above, linear_above
 from analysis.gap.mosaics import mosaic_of
 from analysis.gap.raw import raw, tells_its_pixels
 from analysis.gap.reach import cropped
 from analysis.gap.taken import Taken
+from analysis.gap.taken_as import Told, taken_for
 from interchange.camera import Camera, Sensor
 from interchange.captures import Capture, Captures
 from interchange.effects import MODELS
@@ -67,11 +71,6 @@ class Binning:
         """Pixels of a channel's mean, along a side."""
         return self.n // 2 if self.colours else self.n
 
-    @property
-    def rounding(self) -> float:
-        """DN² by which a code's rounding, which the sensor's model has, exceeds that of a mean of codes."""
-        return (1 - self.averaged**-2) / 12
-
     def factor(self, effect: str, parameter: str, unit: str) -> float:
         """What a parameter of an effect is multiplied by where n x n pixels are one."""
         of_effect = OF_EFFECT.get(effect, {}).get(parameter)
@@ -83,11 +82,7 @@ class Binning:
 
     def of_own_pixels(self, effect: str, values: Mapping[str, tuple[float, str]]) -> dict[str, float]:
         """{parameter: value} of an effect on a sensor's own pixels; ``values``: the same, and units, of binned ones."""
-        own = {k: x / self.factor(effect, k.rpartition(" ")[2], unit) for k, (x, unit) in values.items()}
-        if effect == "sensor_noise" and {"K", "read_noise"} <= set(own):
-            more = self.averaged**2 * self.rounding / own["K"] ** 2
-            own["read_noise"] = sqrt(own["read_noise"] ** 2 + more)
-        return own
+        return {k: x / self.factor(effect, k.rpartition(" ")[2], unit) for k, (x, unit) in values.items()}
 
     def on_scene(self, scene: Scene) -> Scene:
         """The scene with the mosaics that its file does not say, where pixels are taken to lie behind them."""
@@ -194,9 +189,11 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     hot = (min(share * by.averaged**2, 1.0), dark)
     # a JPEG's blocks are of the own pixels
     binned = replace(camera.sensor, **numbers, hot_pixels=hot, jpeg_quality=0)
-    read = (binned.K * binned.read_noise) ** 2 - by.rounding
-    binned = replace(binned, read_noise=sqrt(max(read, 0.0)) / binned.K)
-    camera = replace(camera, sensor=_behind_filters(binned, n) if by.colours else binned)
+    codes = by.averaged**2
+    averaging = (
+        _behind_filters(binned, n, codes) if by.colours else Averaging(**_numbers(binned), codes=codes)
+    )
+    camera = replace(camera, sensor=averaging)
     for model in MODELS.values():
         if not model.carried_by:
             continue
@@ -208,40 +205,61 @@ def binned_camera(camera: Camera, n: int) -> Camera:
     return camera
 
 
-def _behind_filters(sensor: Sensor, n: int) -> BehindFilters:
+def _behind_filters(sensor: Sensor, n: int, codes: int) -> BehindFilters:
     plain = replace(sensor, mosaic=Mosaic.NONE, demosaic=Demosaic.NONE, color_correction=IDENTITY)
-    numbers = {f.name: getattr(plain, f.name) for f in fields(Sensor)}
-    return BehindFilters(**numbers, pattern=sensor.mosaic, across=n)
+    return BehindFilters(**_numbers(plain), codes=codes, pattern=sensor.mosaic, across=n)
 
 
-def binned_captures(captures: Captures, document: Document, by: Binning) -> Captures:
-    """Means over n x n pixels, of each channel's own behind a mosaic. A pixel at which one of them is saturated or
-    masked is left out: there the mean is no linear sum of light.
+def _numbers(sensor: Sensor) -> dict[str, Any]:
+    return {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
 
-    ``by``: as ``binning_of`` says."""
+
+def binned_captures(
+    captures: Captures, document: Document, by: Binning, told: Sequence[Told] = ()
+) -> Captures:
+    """Means over n x n pixels, of each channel's own behind a mosaic: of light, which the DN of a camera with a curve
+    are taken back to. A pixel at which one of them is saturated or masked is left out: there the mean is no linear sum
+    of light.
+
+    ``by``: as ``binning_of`` says; ``told``: what cameras' captures are otherwise than the scene says."""
     tolerances = captures.tolerances
-    own = {c.name: c for c in _cameras(captures, document, by.undeclared if by.colours else {})}
-    top = {name: 2 ** binned_camera(c, by.n).sensor.bits_out - 1 for name, c in own.items()}
+    bits = {x.camera: x.bits for x in captures.captures}
+    own = {
+        c.name: taken_for(of_bits(c, bits[c.name]), told)
+        for c in _cameras(captures, document, by.undeclared if by.colours else {})
+    }
     return replace(
         captures,
-        captures=tuple(_binned(c, own[c.camera], by, SATURATED * top[c.camera]) for c in captures.captures),
+        captures=tuple(_binned(c, own[c.camera], by) for c in captures.captures),
         tolerances=replace(tolerances, registration_px=tolerances.registration_px / by.n),
     )
 
 
-def _binned(capture: Capture, camera: Camera, by: Binning, saturated: float) -> Capture:
-    n = by.n
+def _binned(capture: Capture, camera: Camera, by: Binning) -> Capture:
+    n, saturated = by.n, SATURATED * (2**camera.sensor.bits_out - 1)
     if by.colours:
         capture = raw(capture, camera)
     h, w = (x // n * n for x in capture.pixels.shape[:2])
     parts = capture.pixels[:h, :w].reshape(h // n, n, w // n, n, -1)
     whole = np.ones((h, w), bool) if capture.mask is None else capture.mask[:h, :w]
     mask = whole.reshape(h // n, n, w // n, n).all(axis=(1, 3)) & (parts.max(axis=(1, 3, 4)) < saturated)
+    curved = by.averaged > 1 and not is_linear(camera.sensor)
+    if curved:
+        parts = _light(parts, capture, camera)
     if by.colours:
         own = [parts[:, i::2, :, j::2] for i, j in sites(camera.sensor.mosaic)]
         means = np.concatenate([x.mean(axis=(1, 3), dtype=np.float64) for x in own], axis=2)
     else:
         means = parts.mean(axis=(1, 3), dtype=np.float64)
-    bits = capture.bits if by.averaged == 1 else 0
-    jpeg = capture.jpeg if by.averaged == 1 else None
-    return replace(capture, pixels=means.astype(np.float32), mask=mask, bits=bits, jpeg=jpeg)
+    if curved:
+        means = encoded_above(means, camera)
+    computed = capture.computed or by.averaged > 1
+    return replace(capture, pixels=means.astype(np.float32), mask=mask, jpeg=None, computed=computed)
+
+
+def _light(dn: np.ndarray, capture: Capture, camera: Camera) -> np.ndarray:
+    """DN above black before the camera's curve."""
+    if not capture.has_codes:
+        return linear_above(dn, camera)
+    table = linear_above(np.arange(2**camera.sensor.bits_out), camera).astype(np.float32)
+    return np.asarray(table[np.minimum(dn, len(table) - 1).astype(np.intp)])

@@ -27,7 +27,7 @@ def code_findings(conditions: Sequence[Condition], simulations: Sequence[np.ndar
     found: dict[str, NoiseFinding] = {}
     for camera in dict.fromkeys(c.camera.name for c in conditions):
         pairs = zip(conditions, simulations, strict=True)
-        own = [(c, s) for c, s in pairs if c.camera.name == camera and c.captures[0].bits]
+        own = [(c, s) for c, s in pairs if c.camera.name == camera and c.captures[0].has_codes]
         if not own:
             continue
         of, said = [c for c, _ in own], [s for _, s in own]
@@ -42,7 +42,7 @@ def with_steps(conditions: Sequence[Condition]) -> list[Condition]:
     """The conditions with the step from one code to the next that their camera's files surely have."""
     steps: dict[str, float] = {}
     for camera in dict.fromkeys(c.camera.name for c in conditions):
-        own = [c for c in conditions if c.camera.name == camera and c.captures[0].bits]
+        own = [c for c in conditions if c.camera.name == camera and c.captures[0].has_codes]
         told = quantization(own) if own else None
         if told is not None and told.probability > SURELY:
             steps[camera] = 2.0 ** (own[0].camera.sensor.bits_out - told.parameters["bits"].value)
@@ -153,7 +153,7 @@ def without_flat_tops(conditions: Sequence[Condition]) -> list[Condition]:
     """The conditions without the pixels, and their neighbours within 3 px, at which a camera's images are cut off."""
     cut: dict[str, float | None] = {}
     for camera in dict.fromkeys(c.camera.name for c in conditions):
-        own = [c for c in conditions if c.camera.name == camera and c.captures[0].bits]
+        own = [c for c in conditions if c.camera.name == camera and c.captures[0].has_codes]
         told = flat_top(own, [c.simulated().dn for c in own]) if own else None
         cut[camera] = None if told is None else told[0]
     return [c if (level := cut[c.camera.name]) is None else _below(c, level) for c in conditions]

@@ -19,6 +19,7 @@ from analysis.gap.matrices import Matrix
 from analysis.gap.parallel import each
 from analysis.gap.processing import Processing, mosaic_shown
 from interchange.camera import Camera
+from interchange.captures import Capture
 from interchange.effects.jpeg import Jpeg, decoded
 from interchange.effects.parts import called
 from interchange.image import Image
@@ -64,23 +65,30 @@ class Compressed:
         )
 
 
-def is_looked_for(c: Condition) -> bool:
-    """Whether a condition's file can be a JPEG that the scene does not say."""
-    return c.captures[0].bits == 8 and c.camera.sensor.bits_out == 8 and not c.camera.sensor.jpeg_quality
+def is_looked_for(camera: Camera, capture: Capture) -> bool:
+    """Whether a file can be a JPEG that the scene does not say."""
+    eight = capture.bits == 8 and capture.has_codes and camera.sensor.bits_out == 8
+    return eight and not camera.sensor.jpeg_quality
 
 
 def compressed(found: Sequence[Condition]) -> list[Compressed]:
+    """The cameras of which that is so."""
+    return told_of([(c.camera, c.captures[0]) for c in found])
+
+
+def told_of(files: Sequence[tuple[Camera, Capture]]) -> list[Compressed]:
     """The cameras of which that is so, by the brightest capture of each."""
-    cameras: dict[str, Condition] = {}
-    for c in found:
-        name = c.camera.name
-        if is_looked_for(c) and (name not in cameras or c.mean.mean() > cameras[name].mean.mean()):
-            cameras[name] = c
-    first = [c.captures[0] for c in cameras.values()]
-    told = each(lambda x: x.jpeg or _told(x.pixels), first)
+    brightest: dict[str, Capture] = {}
+    for camera, x in files:
+        name = camera.name
+        if is_looked_for(camera, x) and (
+            name not in brightest or x.pixels.mean() > brightest[name].pixels.mean()
+        ):
+            brightest[name] = x
+    told = each(lambda x: x.jpeg or _told(x.pixels), brightest.values())
     return [
         Compressed(name, *t, stated=x.jpeg is not None)
-        for name, x, t in zip(cameras, first, told, strict=True)
+        for (name, x), t in zip(brightest.items(), told, strict=True)
         if t is not None
     ]
 

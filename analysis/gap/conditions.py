@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from analysis.gap import cut
-from analysis.gap.expected import SATURATED, Expected, Noise, expected, noise_variance
+from analysis.gap.expected import SATURATED, Expected, Noise, expected, noise_variance, rounding
 from analysis.gap.fine_optics import told_apart
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Rendered
@@ -22,6 +22,7 @@ from interchange.scene import Scene
 
 AROUND = np.ones((7, 7), np.uint8)  # px
 BLOCKS = (24, 24)  # px, three of a JPEG's along a side: how large its errors are is told over so many
+SEEN = 1e-3  # of them, that must be compared
 CUT = 3.0  # standard deviations of noise that lie above DN 0
 HELD_OUT_SHARE = 4  # one condition in so many is held out
 
@@ -103,8 +104,12 @@ class Condition:
         and rounds coefficients of what has edges. Of a code's rounding at least."""
         if self.packed is None:
             return np.float32(0)
-        off = cv2.blur(np.square(self.packed), BLOCKS).reshape(self.packed.shape)
-        return (np.maximum(off, 1 / 12) - temporal / len(self.captures) - fixed).astype(np.float32)
+        seen = self.mask.astype(np.float32)[..., None]  # what is masked is so for what it is off by
+        off, share = (cv2.blur(x, BLOCKS).reshape(x.shape) for x in (np.square(self.packed) * seen, seen))
+        off = np.divide(off, share, out=np.zeros_like(off), where=share > SEEN)
+        return (np.maximum(off, rounding(self.camera.sensor)) - temporal / len(self.captures) - fixed).astype(
+            np.float32
+        )
 
     @own_property
     def compared(self) -> np.ndarray:

@@ -22,16 +22,6 @@ from interchange.sensor import IDENTITY, Demosaic, Mosaic
 
 
 @dataclass(frozen=True, eq=False)
-class Plain:
-    """``captures`` as they were before, and a ``document`` whose cameras do none of it; ``processed``: by name what the
-    cameras whose captures are JPEGs do."""
-
-    captures: Captures
-    document: Document
-    processed: Mapping[str, Processing]
-
-
-@dataclass(frozen=True, eq=False)
 class Declared:
     """``mixed``: the matrices that can be taken back; ``processed``: by name what cameras of JPEGs do."""
 
@@ -46,6 +36,20 @@ class Declared:
         scene = with_matrices(scene, [replace(m, rows=np.eye(3)) for m in self.mixed])
         cameras = tuple(_of_all_channels(c, self.processed.get(c.name)) for c in scene.cameras)
         return replace(scene, cameras=cameras)
+
+
+@dataclass(frozen=True, eq=False)
+class Plain:
+    """``captures`` as they were before what the file ``says``, and a ``document`` whose cameras do none of it."""
+
+    captures: Captures
+    document: Document
+    says: Declared
+
+    @property
+    def processed(self) -> Mapping[str, Processing]:
+        """By name what the cameras whose captures are JPEGs do."""
+        return self.says.processed
 
 
 def declared(captures: Captures, document: Document) -> Declared:
@@ -73,8 +77,8 @@ def declared(captures: Captures, document: Document) -> Declared:
 def without_declared(captures: Captures, document: Document) -> Plain:
     found = declared(captures, document)
     bits = {x.camera: x.bits for x in captures.captures}
-    cameras = {c.name: _of_bits(c, bits[c.name]) for c in document.scene().cameras if c.name in bits}
-    return Plain(unmixed(captures, cameras, found.mixed), found.document(document), found.processed)
+    cameras = {c.name: of_bits(c, bits[c.name]) for c in document.scene().cameras if c.name in bits}
+    return Plain(unmixed(captures, cameras, found.mixed), found.document(document), found)
 
 
 def _matrix(camera: Camera) -> Matrix | None:
@@ -84,7 +88,7 @@ def _matrix(camera: Camera) -> Matrix | None:
     return Matrix(camera.name, rows, (0.0,) * 6) if mixes else None
 
 
-def _of_bits(camera: Camera, bits: int) -> Camera:
+def of_bits(camera: Camera, bits: int) -> Camera:
     """The camera whose files have ``bits``: those of 8 are its highest ones."""
     few = bits == 8 and camera.sensor.bits_out > 8
     return replace(camera, sensor=replace(camera.sensor, output_bit_depth=8)) if few else camera

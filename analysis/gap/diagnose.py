@@ -153,7 +153,7 @@ def diagnose(
         claim = claimed(fitted, held, v.by, taken, frozenset({f.name for f in findings} - set(lacks)))
         errors = errors_alone(fitted)
         check = verified(
-            scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, first.by.document
+            scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, first.document
         )
     told_of = notes(all_of_them, fitted, where, judged, there.forged, left, lines, first.screens, first.mixed)
     if check is not None and check.sentence:

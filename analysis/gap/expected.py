@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.gap import cut
+from analysis.gap.filters import Averaging
 from analysis.gap.halved_colour import halved_colour
 from interchange.camera import Camera, Sensor
 from interchange.effects import Effect, chain
@@ -132,7 +133,19 @@ def _variance(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np
     if cut.is_cut(sensor):
         u = linear / cut.sigma(linear, sensor)
         temporal, fixed = temporal * cut.kept(u), fixed * cut.seen(u) ** 2
-    return (temporal + 1 / 12).astype(np.float32), (fixed + _undithered(temporal)).astype(np.float32)
+    codes = codes_of(sensor)
+    rounded, lasting = rounding(sensor), _undithered(codes * temporal) / codes
+    return (temporal + rounded).astype(np.float32), (fixed + lasting).astype(np.float32)
+
+
+def codes_of(sensor: Sensor) -> int:
+    """How many codes a sensor's values are means of."""
+    return sensor.codes if isinstance(sensor, Averaging) else 1
+
+
+def rounding(sensor: Sensor) -> float:
+    """DN² that codes add to a value."""
+    return 1 / 12 / codes_of(sensor)
 
 
 def _undithered(variance: np.ndarray) -> np.ndarray:

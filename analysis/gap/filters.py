@@ -17,7 +17,14 @@ from interchange.sensor import Mosaic, Sensor
 
 
 @dataclass(frozen=True)
-class BehindFilters(Sensor):
+class Averaging(Sensor):
+    """A sensor whose values are means of so many ``codes``, each rounded and dithered by its own noise."""
+
+    codes: int = 1
+
+
+@dataclass(frozen=True)
+class BehindFilters(Averaging):
     """A sensor of three channels; each pixel is ``across`` x ``across`` of a mosaic's with this ``pattern``."""
 
     pattern: Mosaic = Mosaic.RGGB

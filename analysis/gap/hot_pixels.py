@@ -23,7 +23,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.expected import noise_variance
+from analysis.gap.expected import noise_variance, rounding
 from analysis.gap.noise_finding import Number, certainty
 from interchange.effects.parts import called
 
@@ -162,7 +162,9 @@ def _residual(c: Condition, simulation: np.ndarray) -> tuple[np.ndarray, np.ndar
         [cv2.medianBlur(np.ascontiguousarray(r[..., k]), AROUND) for k in range(r.shape[2])], axis=2
     )
     off = r - around
-    variance = noise_variance(simulation, c.camera)[0] / len(c.captures) + c.step**2 / 12
+    variance = noise_variance(simulation, c.camera)[0] / len(c.captures) + c.step**2 * rounding(
+        c.camera.sensor
+    )
     s = (simulation - c.camera.sensor.black_out).astype(np.float32)
     down, along = np.gradient(s, axis=(0, 1))
     variance = variance + (TEXTURE * s) ** 2 + SHIFT**2 * (down**2 + along**2)

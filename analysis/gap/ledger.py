@@ -49,7 +49,7 @@ def temporal_scale(conditions: Sequence[Condition]) -> float | None:
     values, which know it to worse than 5 %. Repeats of a JPEG tell none."""
     measured, modelled, count = 0.0, 0.0, 0
     for c in conditions:
-        if c.spread is not None and not c.camera.sensor.jpeg_quality:
+        if c.spread is not None and c.packed is None and not c.camera.sensor.jpeg_quality:
             ok = c.usable(c.simulated()) & c.above_zero
             dof = len(c.captures) - 1
             count += dof * c.spread[ok].size

@@ -37,6 +37,7 @@ BRIGHT = 0.02  # of the range above black, that a pixel's channels have in the m
 FAR, WHOLE = 3.0, 0.98  # σ above DN 0, that so many of a cell's pixels have in a channel that was not cut off
 APART = 0.1  # of chromaticities, summed, from which on colours are others
 FEWEST = 5  # colours: four determine a matrix, whatever is off
+NEAR, OFTEN = 7, 0.03  # px; of such a neighbourhood at DN 0: one pixel of 49 is kept
 DISTINCT = 0.1  # least singular value of cells' colours: that of black, white and one of a chroma of 0.1
 WORST = 1e3  # condition of a matrix that is taken back
 UNSURE = (
@@ -98,9 +99,9 @@ def numbers(by: Sequence[Matrix], before: Mapping[str, Estimate]) -> dict[str, E
 
 def unmixed(captures: Captures, cameras: Mapping[str, Camera], by: Sequence[Matrix]) -> Captures:
     """Captures as they were before the matrices, which stand before the curves of their ``cameras`` if they have some.
-    A pixel with a channel that was cut off, at the highest DN or at 0, is masked:
-    what was lost there is no longer in it alone. Those of 8 bits are rounded to such again, so that they are taken for
-    what they are."""
+    A pixel with a channel at the highest DN is masked, and whole neighbourhoods in which 0 occurs, so that no noise is
+    chosen by its sign: what was cut off there is no longer in one channel alone. Those of 8 bits are rounded to such
+    again, so that they are taken for what they are."""
     of = {m.camera: m for m in by}
 
     def back(capture: Capture) -> Capture:
@@ -108,12 +109,13 @@ def unmixed(captures: Captures, cameras: Mapping[str, Camera], by: Sequence[Matr
             return capture
         camera, pixels = cameras[capture.camera], capture.pixels
         top = 2**camera.sensor.bits_out - 1
-        cut = (pixels.max(axis=2) >= SATURATED * top) | (pixels.min(axis=2) <= 0)
+        zero = cv2.blur((pixels.min(axis=2) <= 0).astype(np.float32), (NEAR, NEAR)) > OFTEN
+        cut = (pixels.max(axis=2) >= SATURATED * top) | zero
         mask = ~cut if capture.mask is None else ~cut & capture.mask
         before = of[capture.camera].taken_back(pixels, camera)
         if capture.bits == 8:
             return replace(capture, pixels=np.clip(np.rint(before), 0, top), mask=mask)
-        return replace(capture, pixels=before, mask=mask, bits=0)
+        return replace(capture, pixels=before, mask=mask, computed=True)
 
     return replace(captures, captures=tuple(map(back, captures.captures)))
 

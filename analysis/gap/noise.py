@@ -18,7 +18,7 @@ import numpy as np
 from analysis.gap.code_findings import code_findings
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.expected import Noise, per_electron
+from analysis.gap.expected import Noise, per_electron, rounding
 from analysis.gap.fixed_pattern import fixed_pattern
 from analysis.gap.hot_pixels import HotPixels, hot_pixels, less_hot, places
 from analysis.gap.hot_pixels import numbers as hot_numbers
@@ -49,7 +49,7 @@ def noise_findings(
     black levels are not their data sheets'.
     """
     codes = code_findings(conditions, simulations)
-    plain = [k for k, c in enumerate(conditions) if not c.camera.sensor.jpeg_quality]
+    plain = [k for k, c in enumerate(conditions) if c.packed is None and not c.camera.sensor.jpeg_quality]
     conditions, simulations = [conditions[k] for k in plain], [simulations[k] for k in plain]
     if not plain:
         return codes
@@ -188,7 +188,7 @@ def _levels(c: Condition, simulation: np.ndarray) -> list[tuple[float, float, fl
     light, still = light.reshape(-1), np.broadcast_to(still, light.shape).reshape(-1)
     whole = [float((capture.pixels - c.mean)[ok].mean()) for capture in c.captures]
     drift = float(np.var(whole, ddof=1))  # of the light from repeat to repeat: no noise, as EMVA 1288 has it
-    measured = c.spread[ok].reshape(-1) - drift - c.step**2 / 12
+    measured = c.spread[ok].reshape(-1) - drift - c.step**2 * rounding(c.camera.sensor)
     order = np.argsort(simulation[ok].reshape(-1), kind="stable")
     dithered = light + still * c.camera.sensor.read_noise**2 >= (DITHER * c.step) ** 2
     parts = [i for i in np.array_split(order, LEVELS) if len(i) and dithered[i].all()]

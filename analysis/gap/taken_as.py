@@ -22,15 +22,16 @@ class Told(Protocol):
 
 def taken_as(found: Sequence[Condition], told: Sequence[Told]) -> list[Condition]:
     """The conditions with their cameras as the captures are."""
-    return [replace(c, camera=_of(c.camera, told)) for c in found]
+    return [replace(c, camera=taken_for(c.camera, told)) for c in found]
 
 
 def on_scene(scene: Scene, told: Sequence[Told]) -> Scene:
     """The same in a scene."""
-    return replace(scene, cameras=tuple(_of(c, told) for c in scene.cameras))
+    return replace(scene, cameras=tuple(taken_for(c, told) for c in scene.cameras))
 
 
-def _of(camera: Camera, told: Sequence[Told]) -> Camera:
+def taken_for(camera: Camera, told: Sequence[Told]) -> Camera:
+    """A camera as its captures are."""
     for one in told:
         camera = one.of(camera)
     return camera

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,14 +11,18 @@ import pytest
 from analysis.gap.binned import LARGEST, Binning, binned_camera, binned_captures, times_binned
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import Estimate, Finding
+from analysis.gap.encoded import Screen
 from analysis.gap.expected import expected
 from analysis.gap.own_pixels import of_own_pixels
 from interchange.camera import Camera, Lens, Sensor
+from interchange.captures import Capture, Captures
 from interchange.effects.defocus import Defocus
 from interchange.exposure import expose
 from interchange.formats.document import open_scene
 from interchange.image import Image, Quantity
 from interchange.problems import BrightfieldError
+from interchange.scene import Scene
+from interchange.sensor import Response
 from tests.analysis.gap_bench import Rig, rig_in
 
 N = 3
@@ -46,6 +52,36 @@ def test_a_mean_over_pixels_is_what_a_sensor_that_bins_reads(level: float) -> No
     assert pattern == pytest.approx(
         model.fixed.mean(), rel=0.15
     )  # a variance of 1800 values: 3.3 %, four times
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_means_are_of_light_whatever_the_curve(said: bool) -> None:
+    """Bright and dark columns, of which each mean has both, in files of 8 bits by sRGB's curve, whether the scene says
+    so or captures have told it: the mean of codes lies 19 DN lower. Mean and variance are the model's of a sensor that
+    bins."""
+    curved = replace(SENSOR, response=Response.SRGB, output_bit_depth=8, prnu=0.0, dsnu=0.0)
+    camera = replace(CAMERA, lens=Lens(12e-3), sensor=curved)
+    silent = replace(curved, response=Response.LINEAR, output_bit_depth=0)
+    scene = Scene(cameras=(replace(camera, sensor=curved if said else silent),))
+    document: Any = SimpleNamespace(scene=lambda time=None: scene, stage=None, path=None, problems=[])
+    radiance = np.empty((61, 92, 3), np.float32)
+    radiance[:, ::2], radiance[:, 1::2] = 200.0, 2500.0
+    rng = np.random.default_rng(4)
+    frames = [
+        expose(Image(radiance, Quantity.RADIANCE, camera), camera, camera.t_exp, rng=rng).pixels
+        for _ in range(40)
+    ]
+    given = tuple(Capture(f"{k}.png", camera.name, 0.0, 0.02, x, bits=8) for k, x in enumerate(frames))
+    by, told = Binning(2, cameras=frozenset({camera.name})), [Screen(camera.name, black_off=False)]
+    few = binned_captures(Captures(Path("c"), Path("s"), given), document, by, () if said else told).captures
+    assert not any(c.has_codes for c in few)
+    assert {c.bits for c in few} == {8}
+    seen = np.array([c.pixels for c in few])
+    model = expected(np.full((30, 46, 3), 1350, np.float32), binned_camera(camera, 2))
+    codes = np.array(frames)[:, :60].reshape(40, 30, 2, 46, 2, 3).mean(axis=(2, 4))
+    assert codes.mean() < model.dn.mean() - 18
+    assert seen.mean() == pytest.approx(model.dn.mean(), abs=0.1)  # codes of a curve, a tenth of one
+    assert seen.var(axis=0, ddof=1).mean() == pytest.approx(model.temporal.mean(), rel=0.05)
 
 
 def test_what_is_left_over_at_the_rim_is_not_read_out() -> None:

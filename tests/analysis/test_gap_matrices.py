@@ -134,7 +134,7 @@ def test_captures_are_as_they_were_before(bits: int) -> None:
     assert back.mask is not None
     assert 0.3 < back.mask.mean() < 1
     assert not back.mask[mixed.max(axis=2) >= 0.95 * (2**bits - 1)].any()
-    assert back.bits == (8 if bits == 8 else 0)
+    assert back.has_codes is (bits == 8)
     off = (back.pixels - plain)[back.mask]
     assert abs(off.mean()) < 0.5
     assert np.abs(off).max() < (
