@@ -37,7 +37,8 @@ def notes(
     ``screens``: cameras whose captures are encoded; ``mixed``: those with a colour matrix.
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
-    tried |= {JPEG} if any(c.captures[0].bits == 8 and c.captures[0].has_codes for c in conditions) else set()
+    eight = any(c.captures[0].bits == 8 and c.captures[0].has_codes for c in conditions)
+    tried |= {JPEG} if eight or any(c.packed is not None for c in conditions) else set()
     found = [
         *_encoded(screens),
         *_mixed(mixed),

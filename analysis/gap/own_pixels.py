@@ -35,11 +35,7 @@ def _note(captures: Captures, by: Binning) -> str:
     n = by.n
     behind = " behind a mosaic of colours, each channel by the pixels of its own filter" if by.colours else ""
     alone = "" if by.colours else "; --bin 1 takes each pixel by itself"
-    codes = (
-        f" What single codes show, quantisation and JPEG, was not looked for{alone}."
-        if by.averaged > 1
-        else ""
-    )
+    codes = f" What single codes show was not looked for{alone}." if by.averaged > 1 else ""
     return (
         f"Captures of {w} x {h} px were diagnosed by means over {n} x {n} pixels (--bin {n}){behind}. Numbers of "
         f"effects and edges are told in the sensor's own pixels and electrons; sizes of structures and a --metric in "
