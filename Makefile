@@ -19,7 +19,7 @@ demo: setup
 test: setup screen
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=15
 
-# diagnoses from end to end, series that are killed and go on, long statistics; some ten minutes
+# diagnoses from end to end, series that are killed and go on, long statistics; some six minutes
 test-slow: setup
 	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --no-loadscope-reorder --durations=15
 

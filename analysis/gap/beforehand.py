@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.gap.binned import Binning, binned_captures, binning_of
 from analysis.gap.code_findings import with_steps
-from analysis.gap.compressed import Compressed, compressed, grounds, processings, qualities, with_errors
+from analysis.gap.compressed import Compressed, grounds, processings, qualities, with_errors
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.declared import Declared, without_declared
@@ -155,7 +155,7 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
     rendered = drawn(found)
     pixels = own_pixels(own, unbinned.scene(), by.n)
     averaged = by.averaged > 1 and not by.colours
-    packed = [] if by.colours else compressed_files(own, pixels) if averaged else compressed(found)
+    packed = [] if by.colours else compressed_files(own, pixels)
     of_files = () if averaged else packed  # blocks are of the sensors' own pixels
     whole, around = without_surroundings(
         taken_as([replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)], of_files)

@@ -5,7 +5,8 @@ The fit takes no more than some thousand pixels of a condition anyway (analysis.
 nothing of what is wider than a few pixels, have 1/n of the noise, and need 1/n² of the memory and of the time. A
 binning sensor has n² of each pixel's electrons and its own share of noise; of a mosaic (n/2)², as each channel is the
 mean of so many of its pixels (analysis.gap.filters). What is told in its pixels, its electrons or a row's time is told
-in those of the sensor's own pixels afterwards. What codes alone show (quantisation, JPEG) is lost in means.
+in those of the sensor's own pixels afterwards. What codes alone show is lost in means;
+what a JPEG leaves in them is told of the own pixels (analysis.gap.processed_means).
 
 EMVA Standard 1288, release 4.0: a pixel of a camera that bins is what it reads out.
 """

@@ -71,13 +71,8 @@ def is_looked_for(camera: Camera, capture: Capture) -> bool:
     return eight and not camera.sensor.jpeg_quality
 
 
-def compressed(found: Sequence[Condition]) -> list[Compressed]:
-    """The cameras of which that is so."""
-    return told_of([(c.camera, c.captures[0]) for c in found])
-
-
-def told_of(files: Sequence[tuple[Camera, Capture]]) -> list[Compressed]:
-    """The cameras of which that is so, by the brightest capture of each."""
+def compressed(files: Sequence[tuple[Camera, Capture]]) -> list[Compressed]:
+    """The cameras whose files are JPEGs of which the scene does not say, by the brightest capture of each."""
     brightest: dict[str, Capture] = {}
     for camera, x in files:
         name = camera.name

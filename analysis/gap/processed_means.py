@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from analysis.gap.compressed import Compressed, told_of
+from analysis.gap.compressed import Compressed, compressed
 from analysis.gap.conditions import Condition
 from analysis.gap.declared import of_bits
 from analysis.gap.expected import noise_variance, rounding
@@ -56,7 +56,7 @@ def own_pixels(captures: Captures, scene: Scene, n: int) -> Own:
 
 def compressed_files(captures: Captures, own: Own) -> list[Compressed]:
     """The cameras whose captures are JPEGs of which the scene does not say, told by their own pixels."""
-    return told_of([(own.cameras[x.camera], x) for x in captures.captures])
+    return compressed([(own.cameras[x.camera], x) for x in captures.captures])
 
 
 def with_errors_of_means(

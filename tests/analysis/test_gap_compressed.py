@@ -60,10 +60,14 @@ def taken(pixels: np.ndarray, camera: Camera = CAMERA, repeats: int = 1) -> Cond
     return Condition((capture,) * repeats, Scene(), camera, pixels, spread, np.ones(pixels.shape[:2], bool))
 
 
+def jpegs(found: list[Condition]) -> list[Compressed]:
+    return compressed([(c.camera, c.captures[0]) for c in found])
+
+
 @pytest.mark.parametrize("halved", [True, False])
 @pytest.mark.parametrize("quality", [0, 40, 75, 90, 95, 98])
 def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -> None:
-    told = compressed([taken(packed(colours(np.random.default_rng(quality)), quality, halved))])
+    told = jpegs([taken(packed(colours(np.random.default_rng(quality)), quality, halved))])
     if not quality:
         assert told == []
         return
@@ -73,7 +77,7 @@ def test_compression_is_seen_and_its_quality_found(quality: int, halved: bool) -
 
 
 def test_grey_has_no_colour_to_halve() -> None:
-    (found,) = compressed([taken(packed(colours(np.random.default_rng(1))[..., :1], 80, False))])
+    (found,) = jpegs([taken(packed(colours(np.random.default_rng(1))[..., :1], 80, False))])
     assert found == Compressed(CAMERA.name, 80, False)
 
 
@@ -82,7 +86,7 @@ def test_what_files_say_is_taken_for_it(quality: int) -> None:
     """Also of a quality that no pixels tell, and with grounds and a number that say so."""
     bare = taken(packed(colours(np.random.default_rng(1)), quality, False))
     file = replace(bare, captures=tuple(replace(x, jpeg=(quality, True)) for x in bare.captures))
-    found = compressed([file])
+    found = jpegs([file])
     assert found == [Compressed(CAMERA.name, quality, True, stated=True)]
     assert (qualities(found)["quality"].sigma, grounds(found)) == (0.0, OF_FILES)
     untold = Compressed(CAMERA.name, quality, True)
@@ -95,12 +99,12 @@ def test_what_is_even_or_noise_alone_is_no_jpeg() -> None:
     for dn in (np.full((120, 160, 3), 4.0), 4 + 0.3 * noise, 90 + 2 * noise):
         pixels = packed(dn, 0, False)
         assert dip(pixels)[1] > SHALLOW + 0.1
-        assert compressed([taken(pixels)]) == []
+        assert jpegs([taken(pixels)]) == []
 
 
 def test_what_the_scene_says_is_not_told_again() -> None:
     known = Compressed(CAMERA.name, 90, True).of(CAMERA)
-    assert compressed([taken(packed(colours(np.random.default_rng(1)), 90, True), known)]) == []
+    assert jpegs([taken(packed(colours(np.random.default_rng(1)), 90, True), known)]) == []
 
 
 def test_colour_is_halved_as_libjpeg_halves_it() -> None:

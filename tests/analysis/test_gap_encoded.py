@@ -100,6 +100,9 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
     assert found[0].parameters == {"sRGB": Estimate(1.0, 0.0, "1")} | gamma.parameters
     assert found[0].grounds == "why"
     assert found[0].called == "response curve of eye"
+    assert (found[0].gap_without, found[0].gap_with) == (10.0, 1.0)
+    (idle,) = with_known([], Known("jpeg", {}, "why", 0.0, ()), g)
+    assert (idle.gap_without, idle.share) == (1.0, 0.0)  # what takes nothing off
 
 
 def test_the_corrected_scene_says_so(tmp_path: Path) -> None:

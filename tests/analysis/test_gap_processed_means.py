@@ -17,30 +17,16 @@ from analysis.gap.ledger import temporal_scale
 from analysis.gap.processed_means import compressed_files, own_pixels, with_errors_of_means
 from analysis.gap.processing import Processing
 from analysis.gap.radiance import Rendered, means
-from interchange.camera import Camera
 from interchange.captures import Capture, Captures
 from interchange.exposure import expose
 from interchange.image import Image, Quantity
-from interchange.light import Light, LightKind
 from interchange.scene import Scene
-from interchange.sensor import IDENTITY, Mosaic, Response, Sensor
+from interchange.sensor import IDENTITY, Mosaic, Sensor
+from tests.analysis import colour_camera
+from tests.analysis.colour_camera import LAMP, MIXED, SCENE
 
-MIXED = (1.4, -0.3, -0.1, -0.2, 1.5, -0.3, 0.0, -0.4, 1.4)
-SENSOR = Sensor(
-    (320, 240),
-    (5e-6, 5e-6),
-    2e4,
-    9000.0,
-    12,
-    read_noise=8.0,
-    mosaic=Mosaic.GRBG,
-    color_correction=MIXED,
-    response=Response.SRGB,
-    output_bit_depth=8,
-    jpeg_quality=95,
-)
-CAMERA = Camera("/World/Camera", sensor=SENSOR, t_exp=1.0)
-LAMP = "/lamp"
+SENSOR = replace(colour_camera.SENSOR, resolution=(320, 240))
+CAMERA = replace(colour_camera.CAMERA, sensor=SENSOR)
 N = 2
 
 
@@ -57,7 +43,7 @@ def taken(behind: Sensor, said: Sensor, finely: bool, repeats: int = 1) -> tuple
     simulated."""
     radiance, nothing = tiles(), np.zeros((240 // N, 320 // N, 3), np.float32)
     real, camera = (replace(CAMERA, sensor=s) for s in (behind, said))
-    scene = Scene(lights=(Light(LAMP, LightKind.SPHERE, (1.0, 1.0, 1.0)),), cameras=(camera,))
+    scene = replace(SCENE, cameras=(camera,))
     document: Any = SimpleNamespace(scene=lambda time=None: scene, stage=None, path=None, problems=[])
     captures = tuple(
         Capture(
