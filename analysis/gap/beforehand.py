@@ -6,6 +6,7 @@ What is left is fitted; what was taken back is in the verdict as effects that ar
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from analysis.gap.matrices import (
     WORDS,
     Matrix,
     as_mixed,
+    encoded_above,
+    linear_above,
     matrices,
     mixed_further,
     numbers,
@@ -75,17 +78,25 @@ class Beforehand:
     def known(self, v: Verdict, held: Sequence[Condition]) -> tuple[Verdict, list[Known]]:
         """The verdict against the file as written, and the effects that are between that and what was fitted to.
         ``held``: the conditions that were held out."""
-        known = []
+        known: list[Known] = []
+        after = list(zip(held, v.shown.after, strict=True))
+
+        def chi(simulated: Sequence[np.ndarray]) -> float:
+            return sqrt(v.by.chi2(simulated))
+
         if self.packed:
             least, names = v.gap.before**2, [x.camera for x in self.packed]
-            v = further(v, [self._unpacked(c) - c.simulated().dn for c in held])
+            off = [self._unpacked(c) - c.simulated().dn for c in held]
+            v = further(v, off)
             told, taken_off = qualities(self.packed), v.gap.before**2 - least
-            known.append(Known(JPEG, told, grounds(self.packed), taken_off, self._alone(names)))
+            lacking = [dn + x for (_, dn), x in zip(after, off, strict=True)]
+            known.append(Known(JPEG, told, grounds(self.packed), taken_off, chi(lacking), self._alone(names)))
         if self.mixed:
             least = v.gap.before**2
             v = against(v, [as_mixed(c, dn, self.mixed) for c, dn in zip(held, v.shown.before, strict=True)])
             cameras = self._alone([m.camera for m in self.mixed])
-            known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, cameras, WORDS))
+            lacking = [as_mixed(c, dn, self.mixed) for c, dn in after]
+            known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, chi(lacking), cameras, WORDS))
         if self.screens:
             least, curved = v.gap.before**2, {s.camera for s in self.screens}
             written = [replace(c, camera=self.said[c.name]).simulated().dn for c in held]
@@ -97,7 +108,8 @@ class Beforehand:
                 ],
             )
             curve, cameras = {SCREEN: Estimate(1.0, 0.0, "1")}, self._alone(sorted(curved))
-            known.append(Known(CURVE, curve, GROUNDS, v.gap.before**2 - least, cameras))
+            lacking = [self._straight(c, dn) if c.camera.name in curved else dn for c, dn in after]
+            known.append(Known(CURVE, curve, GROUNDS, v.gap.before**2 - least, chi(lacking), cameras))
         return v, known
 
     def with_known(self, found: Sequence[Finding], known: Sequence[Known], v: Verdict) -> list[Finding]:
@@ -125,6 +137,10 @@ class Beforehand:
             *notes_on_jpegs(self.packed, [m.camera for m in self.mixed]),
             *notes_on_pixels(self.own, self.by),
         ]
+
+    def _straight(self, c: Condition, dn: np.ndarray) -> np.ndarray:
+        """DN of a condition as they are by the curve that the file says."""
+        return encoded_above(linear_above(dn, c.camera), self.said[c.name])
 
     def _unpacked(self, c: Condition) -> np.ndarray:
         """(H, W, C) simulated DN of a camera whose images are as they were before they were compressed."""

@@ -125,25 +125,24 @@ def _rivals(fitted: Fit, own: Sequence[tuple[str, str]]) -> tuple[tuple[str, flo
 @dataclass(frozen=True)
 class Known:
     """An effect that was known before anything was fitted, by these ``grounds``: it has taken ``taken_off`` off the
-    mean χ². ``cameras``: those that alone have it; ``words`` for it, where its name says too little."""
+    mean χ², and χ is ``without`` it where all else stays as it was found. ``cameras``: those that alone have it;
+    ``words`` for it, where its name says too little."""
 
     name: str
     parameters: dict[str, Estimate]
     grounds: str
     taken_off: float
+    without: float
     cameras: tuple[str, ...]
     words: str = ""
 
 
 def with_known(findings: Sequence[Finding], known: Known, shrunk: Gap) -> list[Finding]:
-    """With what was known, beside what one of that name that was found takes off. χ without it is that of the file as
-    written: beside it all else would be fitted to what it leaves, which is not looked at. What takes nothing off, as of
-    a JPEG in means, is missed by nothing."""
+    """With what was known, beside what one of that name that was found takes off."""
     share = known.taken_off / shrunk.before**2
     cameras = tuple(map(called, known.cameras))
-    without = shrunk.before if known.taken_off else shrunk.after
     own = Finding(
-        known.name, SURE, known.parameters, (), None, without, shrunk.after, share, cameras,
+        known.name, SURE, known.parameters, (), None, known.without, shrunk.after, share, cameras,
         grounds=known.grounds, words=known.words,
     )  # fmt: skip
     for f in findings:

@@ -43,6 +43,7 @@ WORST = 1e3  # condition of a matrix that is taken back
 UNSURE = (
     0.5  # σ of a share, from which on none is told; crosstalk in the fit takes what is left of the matrix
 )
+USUAL, OFF = 0.5, 0.01  # of shares, in cameras' matrices; of colours' medians, by which paints may be off
 NEGATIVE = 0.05  # share of another channel that is taken off, from which on a matrix is a camera's
 # times less that it leaves of colours than gains of the channels alone. Of what a curve does that makes them stronger
 # (γ 1.1 to 2.2) it leaves 3 to 5.5 times less; of a matrix 8 times in 8 bits by sRGB's curve, 34 in 12 bits
@@ -221,15 +222,20 @@ def _together(conditions: Sequence[Cells]) -> Cells:
 
 def _followed(cells: Cells, there: np.ndarray) -> np.ndarray:
     """(3, 3), zero but where it is ``there``, its sum 3: what makes captured colours of those simulated, but for their
-    brightness."""
+    brightness. Few paints, of which channels are cut off, leave some of it open: shares are no larger than they must
+    be, by their ``USUAL`` size."""
     start = np.eye(3)
+    usual = OFF / USUAL * np.sqrt(np.square(cells[2]).mean())
 
     def by(numbers: np.ndarray) -> np.ndarray:
         out = np.zeros((3, 3))
         out[there] = numbers
         return out
 
-    solved = least_squares(lambda numbers: _left(cells, by(numbers)), start[there])
+    def left(numbers: np.ndarray) -> np.ndarray:
+        return np.append(_left(cells, by(numbers)), usual * by(numbers)[BESIDE])
+
+    solved = least_squares(left, start[there])
     found = by(solved.x)
     return np.asarray(3 * found / found.sum())
 

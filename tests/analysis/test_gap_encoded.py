@@ -93,16 +93,14 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
     assert sum(s.chi2 for s in steps) == pytest.approx(g.as_written**2)
     gamma = Finding("response_curve", 0.7, {"gamma": Estimate(1.01, 0.01, "1")}, (), None, 2.0, 1.0, 0.005)
     other = replace(gamma, name="vignetting", share=0.025)
-    known = Known("response_curve", {SCREEN: Estimate(1.0, 0.0, "1")}, "why", 96.0, ("/World/eye",))
+    known = Known("response_curve", {SCREEN: Estimate(1.0, 0.0, "1")}, "why", 96.0, 9.5, ("/World/eye",))
     found = with_known([other, gamma], known, g)
     assert [f.name for f in found] == ["response_curve", "vignetting"]
     assert found[0].share == pytest.approx(0.965)
     assert found[0].parameters == {"sRGB": Estimate(1.0, 0.0, "1")} | gamma.parameters
     assert found[0].grounds == "why"
     assert found[0].called == "response curve of eye"
-    assert (found[0].gap_without, found[0].gap_with) == (10.0, 1.0)
-    (idle,) = with_known([], Known("jpeg", {}, "why", 0.0, ()), g)
-    assert (idle.gap_without, idle.share) == (1.0, 0.0)  # what takes nothing off
+    assert (found[0].gap_without, found[0].gap_with) == (9.5, 1.0)
 
 
 def test_the_corrected_scene_says_so(tmp_path: Path) -> None:

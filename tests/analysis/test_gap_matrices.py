@@ -106,6 +106,25 @@ def test_one_paint_that_is_off_is_no_matrix(colours: int) -> None:
     assert matrices(conditions) == []
 
 
+def test_a_matrix_is_told_of_few_paints_whose_channels_it_cuts_off() -> None:
+    """Five paints as a bench has them, of which five of fifteen channels are below 0: they leave the matrix open. What
+    is told makes its colours, and no larger shares than they need."""
+    paints = np.array([[1, 1, 1], [2.4, 0.35, 0.26], [0.47, 1.97, 0.56], [0.26, 0.53, 2.2], [2.0, 0.8, 0.2]])
+    camera = replace(CAMERA, sensor=replace(SENSOR, black_level=0.0))
+    chart = 600 * np.kron(paints[[0, 1, 2, 3, 4, 0, 3, 2]].reshape(2, 4, 3), np.ones((60, 40, 1)))
+    own: Sequence[Any] = [_condition(k * chart + BLACK, ROWS, camera) for k in (0.5, 1.0, 1.5)]
+    for c in own:
+        simulated = c.simulated().dn - BLACK
+        c.mean, c.simulated = np.maximum(c.mean - BLACK, 0), lambda dn=simulated: SimpleNamespace(dn=dn)
+    (found,) = matrices(own)
+    gains = np.array([1.05, 1.0, 0.93])
+    white = ROWS @ gains
+    for paint in paints:
+        made, want = (np.maximum(x, 0) for x in (found.rows @ paint, ROWS @ (gains * paint) / white))
+        assert made / made.sum() == pytest.approx(want / want.sum(), abs=0.01)  # as a paint may be off
+    assert np.abs(found.rows[~np.eye(3, dtype=bool)]).max() < 0.5  # the matrix's own largest
+
+
 def test_what_sensors_do_is_no_matrix() -> None:
     """Gains, light that leaks into other channels, and what no three colours tell."""
     leaks = ColorCrosstalk(rg=0.1, gr=0.08, gb=0.05, bg=0.1).matrix
