@@ -1,6 +1,7 @@
 """The sample captures in other forms, to diagnose: 8 bits, grey, sRGB-encoded, four of them, no tolerances declared, by
 a mosaic of colours, raw, interpolated, through a colour matrix, as a picture (8 bits by sRGB's curve), and as JPEGs: of
-that picture, with a scene file that says so or not, and of the 8 bits as they are.
+that picture, with a scene file that says so or not, and of the 8 bits as they are; and by other curves, 8 bits: powers,
+that of Rec. 709, and sRGB's with a steeper middle, as pictures are toned.
 
 python benchmarks/sample_forms.py CASE OUT    # CASE: a folder of the sample captures, with captures.json
 brightfield diagnose OUT/eight/captures.json --no-verify --out OUT/eight/out
@@ -31,11 +32,30 @@ def grey(dn: np.ndarray) -> np.ndarray:
     return np.rint(dn.mean(axis=2)).astype(np.uint16)
 
 
-def srgb(dn: np.ndarray) -> np.ndarray:
-    """Black taken off, IEC 61966-2-1, 8 bits."""
-    x = np.clip((dn.astype(float) - BLACK) / (HIGHEST - BLACK), 0, 1)
-    y = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.rint(255 * y).astype(np.uint8)
+def by_curve(curve: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    """Black taken off, a curve of [0, 1], 8 bits."""
+
+    def encoded(dn: np.ndarray) -> np.ndarray:
+        x = np.clip((dn.astype(float) - BLACK) / (HIGHEST - BLACK), 0, 1)
+        return np.rint(255 * curve(x)).astype(np.uint8)
+
+    return encoded
+
+
+def iec_61966(x: np.ndarray) -> np.ndarray:
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+def bt_709(x: np.ndarray) -> np.ndarray:
+    return np.where(x < 0.018, 4.5 * x, 1.099 * x**0.45 - 0.099)
+
+
+def toned(x: np.ndarray) -> np.ndarray:
+    y = iec_61966(x)
+    return 0.6 * y + 0.4 * y * y * (3 - 2 * y)
+
+
+srgb = by_curve(iec_61966)
 
 
 def raw(dn: np.ndarray) -> np.ndarray:
@@ -82,6 +102,8 @@ SAID = {  # of the cameras that ``jpeg`` is taken by
 FORMS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "eight": eight, "grey": grey, "srgb": srgb, "raw": raw, "interpolated": interpolated, "colours": colours,
     "picture": picture, "jpeg": picture, "declared": picture, "compressed": eight,
+    "gamma_0.45": by_curve(lambda x: x**0.45), "gamma_0.7": by_curve(lambda x: x**0.7), "rec709": by_curve(bt_709),
+    "toned": by_curve(toned),
 }  # fmt: skip
 PACKED = ("jpeg", "declared", "compressed")  # files of QUALITY, colour at half the resolution
 

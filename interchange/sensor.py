@@ -38,6 +38,7 @@ class Response(StrEnum):
 
     LINEAR = "linear"
     SRGB = "sRGB"  # IEC 61966-2-1
+    REC709 = "rec709"  # ITU-R BT.709-6, of video cameras
     LUT = "lut"  # ``Sensor.response_lut``, evenly spaced from zero to the highest DN, both from 0 to 1
 
 

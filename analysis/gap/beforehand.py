@@ -16,9 +16,10 @@ from analysis.gap.compressed import Compressed, grounds, processings, qualities,
 from analysis.gap.compressed import notes as notes_on_jpegs
 from analysis.gap.conditions import Condition, conditions, must_fit
 from analysis.gap.declared import Declared, without_declared
-from analysis.gap.diagnosis import Edges, Estimate, Finding
-from analysis.gap.encoded import GROUNDS, Screen, encoded, is_linear
-from analysis.gap.findings import CROSSTALK, CURVE, JPEG, SCREEN, Known, with_known
+from analysis.gap.diagnosis import Edges, Finding
+from analysis.gap.encoded import Encoding, encoded, is_linear, parameters
+from analysis.gap.encoded import grounds as grounds_of_curves
+from analysis.gap.findings import CROSSTALK, CURVE, JPEG, Known, with_known
 from analysis.gap.matrices import GROUNDS as MIXED
 from analysis.gap.matrices import (
     WORDS,
@@ -52,7 +53,7 @@ Drawn = Callable[[Sequence[Condition]], Sequence[Rendered]]
 @dataclass(frozen=True, eq=False)
 class Beforehand:
     """``conditions``: what is fitted to, rendered; ``own``: captures of all pixels of the sensors, which ``by`` takes
-    together. ``packed``, ``screens`` and ``mixed``: the cameras whose captures are JPEGs, follow a curve or went
+    together. ``packed``, ``encodings`` and ``mixed``: the cameras whose captures are JPEGs, follow a curve or went
     through a matrix; ``said``: cameras by their conditions' names, as the scene file has them. ``around``: notes of
     surroundings and of mosaics; ``says``: what the file says that was taken back."""
 
@@ -61,7 +62,7 @@ class Beforehand:
     own: Captures
     by: Binning
     packed: tuple[Compressed, ...]
-    screens: tuple[Screen, ...]
+    encodings: tuple[Encoding, ...]
     mixed: tuple[Matrix, ...]
     said: dict[str, Camera]
     says: Declared
@@ -73,7 +74,7 @@ class Beforehand:
 
     def scene(self, scene: Scene) -> Scene:
         """A scene of the sensors' own pixels as what was fitted says it."""
-        return mixed_further(on_scene(self.by.on_scene(scene), (*self.packed, *self.screens)), self.mixed)
+        return mixed_further(on_scene(self.by.on_scene(scene), (*self.packed, *self.encodings)), self.mixed)
 
     def known(self, v: Verdict, held: Sequence[Condition]) -> tuple[Verdict, list[Known]]:
         """The verdict against the file as written, and the effects that are between that and what was fitted to.
@@ -97,8 +98,8 @@ class Beforehand:
             cameras = self._alone([m.camera for m in self.mixed])
             lacking = [as_mixed(c, dn, self.mixed) for c, dn in after]
             known.append(Known(CROSSTALK, {}, MIXED, v.gap.before**2 - least, chi(lacking), cameras, WORDS))
-        if self.screens:
-            least, curved = v.gap.before**2, {s.camera for s in self.screens}
+        if self.encodings:
+            least, curved = v.gap.before**2, {s.camera for s in self.encodings}
             written = [replace(c, camera=self.said[c.name]).simulated().dn for c in held]
             v = against(
                 v,
@@ -107,18 +108,21 @@ class Beforehand:
                     for c, dn in zip(held, written, strict=True)
                 ],
             )
-            curve, cameras = {SCREEN: Estimate(1.0, 0.0, "1")}, self._alone(sorted(curved))
+            cameras, why = self._alone(sorted(curved)), grounds_of_curves(self.encodings)
             lacking = [self._straight(c, dn) if c.camera.name in curved else dn for c, dn in after]
-            known.append(Known(CURVE, curve, GROUNDS, v.gap.before**2 - least, chi(lacking), cameras))
+            taken_off = v.gap.before**2 - least
+            known.append(Known(CURVE, parameters(self.encodings), why, taken_off, chi(lacking), cameras))
         return v, known
 
     def with_known(self, found: Sequence[Finding], known: Sequence[Known], v: Verdict) -> list[Finding]:
         """What was found, with what was known."""
         out = list(found)
         for k in known:
+            more = next((f.parameters for f in out if f.name == k.name), {})
             if k.name == CROSSTALK:  # with what the fit adds to it
-                more = next((f.parameters for f in out if f.name == CROSSTALK), {})
                 k = replace(k, parameters=numbers(self.mixed, more))
+            if k.name == CURVE:  # a gamma, which the fit knows better
+                k = replace(k, parameters={n: more.get(n, x) for n, x in k.parameters.items()})
             out = with_known(out, k, v.gap)
         return out
 
@@ -177,25 +181,27 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         taken_as([replace(c, rendered=r) for c, r in zip(found, rendered, strict=True)], of_files)
     )
     must_overlap(whole)
-    screens = encoded(whole)
+    encodings = encoded(whole)
 
     def again(of: Captures) -> tuple[Captures, list[Condition], list[Condition]]:
-        few, anew = taken(of, screens)
+        few, anew = taken(of, encodings)
         compared = zip(anew, rendered, whole, strict=True)
         return few, anew, [replace(c, rendered=r, mask=c.mask & w.mask) for c, r, w in compared]
 
-    if screens and by.averaged > 1:  # means are of light
+    if encodings and by.averaged > 1:  # means are of light
         captures, found, whole = again(own)
     linear = {c.camera.name for c in whole if is_linear(c.camera.sensor)}
-    as_taken = taken_as(whole, screens)
+    as_taken = taken_as(whole, encodings)
     mixed = matrices([c for c in as_taken if c.camera.name in linear])
     if mixed:
         pure = unmixed(own, {c.camera.name: c.camera for c in as_taken}, mixed)
         captures, found, whole = again(pure)
     said = {c.name: c.camera for c in found}
-    whole = taken_as(whole, (*of_files, *screens))
+    whole = taken_as(whole, (*of_files, *encodings))
     if averaged:
-        whole, before = with_errors_of_means(whole, pixels.told((*packed, *screens)), plain.processed, mixed)
+        whole, before = with_errors_of_means(
+            whole, pixels.told((*packed, *encodings)), plain.processed, mixed
+        )
     else:
         told = processings(whole, mixed, plain.processed)
         whole, before = with_errors(whole, told), list(told.values())
@@ -205,7 +211,7 @@ def beforehand(captures: Captures, document: Document, binning: int, drawn: Draw
         own,
         by,
         tuple(packed),
-        tuple(screens),
+        tuple(encodings),
         tuple(mixed),
         said,
         plain.says,

@@ -19,7 +19,6 @@ from scipy.special import ndtr
 
 from interchange.camera import Sensor
 from interchange.effects.response_curve import ResponseCurve
-from interchange.sensor import Response
 
 NEAR = 6.0  # σ of the dark above DN 0, from which on nothing is cut
 Z = np.arange(-NEAR, NEAR + 1e-9, 1 / 8)
@@ -74,7 +73,7 @@ def mean(linear: np.ndarray, sensor: Sensor, curve: ResponseCurve | None) -> np.
     if curve is None:
         return cut(linear, sigma(linear, sensor)) if is_cut(sensor) else linear
     # of a curve that bends little it is what it makes of their mean
-    if curve.response is not Response.SRGB and not is_cut(sensor):
+    if not curve.bends_in_the_dark and not is_cut(sensor):
         return curve.output(linear, sensor.bit_depth, sensor.black_level)
     return even(sensor, curve)(linear)
 
@@ -110,19 +109,32 @@ def level(dn: np.ndarray, sensor: Sensor) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray]:
-    """Linear DN, rising, and the mean DN that the camera gives of each."""
+def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Linear DN, rising, the mean DN that the camera gives of each, and the standard deviation of these over that of
+    the linear ones."""
     x = _levels(sensor)
-    noisy = np.maximum(x[:, None] + sigma(x, sensor)[:, None] * Z, 0)
-    y = np.maximum(curve.output(noisy, sensor.bit_depth, sensor.black_level), 0) @ WEIGHTS
-    x.flags.writeable = y.flags.writeable = False
-    return x, y
+    s = sigma(x, sensor)
+    noisy = np.maximum(x[:, None] + s[:, None] * Z, 0)
+    given = np.maximum(curve.output(noisy, sensor.bit_depth, sensor.black_level), 0)
+    y = given @ WEIGHTS
+    slope = np.sqrt(np.square(given - y[:, None]) @ WEIGHTS) / s
+    x.flags.writeable = y.flags.writeable = slope.flags.writeable = False
+    return x, y, slope
 
 
 @lru_cache(maxsize=32)  # of 2 MB at most
 def even(sensor: Sensor, curve: ResponseCurve) -> Even:
-    """``table``, to look up in."""
-    return Even.of(*table(sensor, curve))
+    """The means of ``table``, to look up in."""
+    x, y, _ = table(sensor, curve)
+    return Even.of(x, y)
+
+
+@lru_cache(maxsize=32)
+def slopes(sensor: Sensor, curve: ResponseCurve) -> Even:
+    """By how much noise grows through curve and cut, of linear DN: where a curve is steep over less than noise is wide,
+    it is no slope of the curve's."""
+    x, _, slope = table(sensor, curve)
+    return Even.of(x, slope)
 
 
 def _levels(sensor: Sensor) -> np.ndarray:

@@ -155,7 +155,9 @@ def diagnose(
         check = verified(
             scene_file, held, errors, v.by, claim, lacks, render, settings, cache, told, first.document
         )
-    told_of = notes(all_of_them, fitted, where, judged, there.forged, left, lines, first.screens, first.mixed)
+    told_of = notes(
+        all_of_them, fitted, where, judged, there.forged, left, lines, first.encodings, first.mixed
+    )
     if check is not None and check.sentence:
         told_of.insert(0, check.sentence)
     findings, edges = first.of_own_pixels(findings, edge_offsets(held, v.by, v.shown))

@@ -1,56 +1,95 @@
-"""Whether captures are encoded for a screen where the scene says that they are linear: most of what leaves a camera as
-a picture is. The curve is known, so it is taken for what it is before anything is fitted: no number of a response curve
-follows its straight toe, and what it leaves would be taken for effects that are not there.
+"""Whether captures follow a curve where the scene says that they are linear: most of what leaves a camera as a picture
+does, and many a camera has a gamma. The curve is taken for what it is before anything is fitted: none that bends so far
+is reached by steps from a line, and what it leaves would be taken for effects that are not there.
 
-Over all pixels of a camera the captures' DN are a function of the simulated ones. Medians of ``BINS`` steps of it are
-fitted by a line and by the curve of IEC 61966-2-1 (sRGB), each with a gain and an offset of its own; a black level that
-was taken off before is part of the gain and the offset.
+Over all pixels of a camera the captures' DN are a function of the simulated ones. Medians of steps of it are
+fitted by a line with a gain and an offset of its own, and by the curves of ``NAMED`` and a power with a gain and either
+offset that a camera gives: its black level, or none where that was taken off before. (sRGB's curve is a power but for
+its offset and its toe.) Which curve it is, is told once more without what shades the light
+(analysis.gap.curve_steps): of another than these the nearest is bowed into a table of its own.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import minimize_scalar
 
 from analysis.gap.conditions import Condition
+from analysis.gap.curve_steps import Steps, evened, steps
+from analysis.gap.diagnosis import Estimate
 from analysis.gap.parallel import each
 from interchange.camera import Camera
+from interchange.effects.parts import called
 from interchange.effects.response_curve import ResponseCurve
 from interchange.sensor import Response, Sensor
 
-BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
-GAINS = np.geomspace(0.5, 2.0, 141)
+NAMED = {Response.SRGB: "sRGB's curve", Response.REC709: "the curve of Rec. 709"}
+WITHOUT_NUMBERS = (*NAMED, Response.LUT)
+GAINS = np.log(2) * np.linspace(-1, 1, 31)  # logarithms; between them the best is searched for
+GAMMAS = (0.25, 4.0)
 BENT = 0.01  # of the captures' range, rms, that a line leaves at least
-BETTER = 10.0  # times as much (squared) that it leaves as sRGB's curve does
-GROUNDS = (
-    "Over all pixels of a camera the captured DN follow sRGB's curve of the simulated ones, and no line: it was taken "
-    "so before anything was fitted."
-)
+BENT_BY_POWER = 0.02  # the same, of γ 0.82 and 1.2: what bends less the fit follows
+BETTER = 10.0  # times as much (squared) that it leaves as the curve does
+OWN = 0.005  # of the captures' range, rms, that the right curve leaves at most; it leaves 0.002 to 0.0035
+HALF_A_CODE = 0.5 / 255  # of 8 bits
+ENTRIES = 1025  # of a table
+LINE = Estimate(1.0, 0.0, "1")
 
 
 @dataclass(frozen=True)
-class Screen:
-    """A camera whose captures are encoded; ``black_off``: whether its black level was taken off before."""
+class Encoding:
+    """A camera whose captures follow a curve; ``black_off``: whether its black level was taken off before. ``gamma``:
+    of a power, where ``response`` is linear; ``lut``: where it is one."""
 
     camera: str
     black_off: bool
+    response: Response = Response.SRGB
+    gamma: Estimate = field(default=LINE)
+    lut: tuple[float, ...] = ()
 
     def of(self, camera: Camera) -> Camera:
         """The camera as its captures are."""
         if camera.name != self.camera:
             return camera
-        black = 0.0 if self.black_off else camera.sensor.black_level
-        return replace(camera, sensor=replace(camera.sensor, response=Response.SRGB, black_level=black))
+        sensor = replace(camera.sensor, response=self.response, gamma=self.gamma.value, response_lut=self.lut)
+        return replace(camera, sensor=replace(sensor, black_level=0.0) if self.black_off else sensor)
+
+    @property
+    def words(self) -> str:
+        if self.response is Response.LINEAR:
+            return f"a power of γ {self.gamma.value:.3g}"
+        return NAMED.get(self.response, "a curve without a name")
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        return {"gamma": self.gamma} if self.response is Response.LINEAR else {str(self.response): LINE}
 
 
-def encoded(found: Sequence[Condition]) -> list[Screen]:
+def parameters(by: Sequence[Encoding]) -> dict[str, Estimate]:
+    """Of a response curve; by camera where they are not alike."""
+    if all(e.response is by[0].response is not Response.LINEAR for e in by):
+        return by[0].parameters
+    return {f"{called(e.camera)} {n}" if len(by) > 1 else n: x for e in by for n, x in e.parameters.items()}
+
+
+def grounds(by: Sequence[Encoding]) -> str:
+    curves = " and ".join(dict.fromkeys(e.words for e in by))
+    return (
+        f"Over all pixels of a camera the captured DN follow {curves} of the simulated ones, and no line: it was taken "
+        "so before anything was fitted."
+    )
+
+
+def encoded(found: Sequence[Condition]) -> list[Encoding]:
     """The cameras of which that is so."""
     cameras: dict[str, list[Condition]] = {}
     for c in found:
         if is_linear(c.camera.sensor):
             cameras.setdefault(c.camera.name, []).append(c)
-    told = each(_black_off, cameras.values())
-    return [Screen(name, off) for name, off in zip(cameras, told, strict=True) if off is not None]
+    return [e for e in each(_encoding, cameras.values()) if e is not None]
 
 
 def is_linear(sensor: Sensor) -> bool:
@@ -58,28 +97,97 @@ def is_linear(sensor: Sensor) -> bool:
     return sensor.response is Response.LINEAR and sensor.gamma == 1 and not (sensor.bow or sensor.skew)
 
 
-def _black_off(own: Sequence[Condition]) -> bool | None:
-    """Whether black is gone from captures that follow the curve; None of those that do not."""
-    x, y = (np.concatenate(parts) for parts in zip(*(_pairs(c) for c in own), strict=True))
-    if len(x) < BINS * LEAST:
+def _encoding(own: Sequence[Condition]) -> Encoding | None:
+    """Of the captures of one camera; None of those that follow no curve."""
+    seen = steps(own)
+    if seen is None:
         return None
-    steps = np.array_split(np.argsort(x, kind="stable"), BINS)
-    x, y = (np.array([np.median(plane[i]) for i in steps]) for plane in (x, y))
-    line = np.stack([x, np.ones(BINS)], axis=1)
-    straight = float(np.square(y - line @ np.linalg.lstsq(line, y, rcond=None)[0]).mean())
-    curve = ResponseCurve(response=Response.SRGB).curve
-    off = [y - curve(np.clip(g * x, 0, 1)) for g in GAINS]
-    best = min(off, key=lambda d: float(d.var()))
-    if straight <= max(BENT * np.ptp(y), 1e-12) ** 2 or straight <= BETTER * best.var():
+    bend = np.sqrt(_off_line(seen)) / max(float(np.ptp(seen[1])), 1e-12)  # dark steps show most of it
+    if bend <= BENT:
         return None
-    sensor = own[0].camera.sensor
-    black = sensor.black_level / (2**sensor.bit_depth - 1)
-    return bool(abs(best.mean()) < abs(best.mean() - black))
+    told, best = seen, _best(seen, own[0].camera)
+    plain = evened(own)  # of light that goes smoothly over one image, field and curve are not told apart
+    if (
+        plain
+        and (other := _best(plain, own[0].camera)).left * np.ptp(seen[1]) ** 2
+        < best.left * np.ptp(plain[1]) ** 2
+    ):
+        told, best = plain, other
+    if bend <= BENT_BY_POWER and best.encoding.response not in NAMED:
+        return None
+    if _off_line(told) <= BETTER * best.left:
+        return None
+    return best.encoding if best.left <= max(OWN * np.ptp(told[1]), HALF_A_CODE) ** 2 else best.bowed(told)
 
 
-def _pairs(c: Condition) -> tuple[np.ndarray, np.ndarray]:
-    """Simulated and captured signals over the highest, of what is compared."""
-    simulated = c.simulated()
-    black, ok = simulated.black, c.compared
-    x = np.maximum(simulated.dn[ok] - black, 0) / (simulated.top - black)
-    return x.reshape(-1), (c.mean[ok] / simulated.top).reshape(-1)
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """An encoding, the mean square of what captures are off it, and what ``made`` of signals over the highest, by the
+    gain that it has; ``black`` over the highest."""
+
+    left: float
+    encoding: Encoding
+    made: Callable[[np.ndarray], np.ndarray]
+    black: float
+
+    def bowed(self, told: Steps) -> Encoding:
+        """That with what captures have beyond it, as a table."""
+        x, y = told[0], (told[1] - self.black) / (1 - self.black)
+        first = np.unique(x, return_index=True)[1]
+        off = (y - self.made(x))[first]
+        beyond = PchipInterpolator(np.append(0, x[first]), np.append(0, off))
+        grid = np.linspace(0, 1, ENTRIES)
+        table = np.clip(self.made(grid) + beyond(np.minimum(grid, x.max())), 0, 1)
+        lut = tuple(map(float, np.maximum.accumulate(table)))
+        return replace(self.encoding, response=Response.LUT, gamma=LINE, lut=lut)
+
+
+def _best(told: Steps, camera: Camera) -> _Curve:
+    blacks = {True: 0.0, False: camera.sensor.black_level / (2**camera.sensor.bit_depth - 1)}
+    found = []
+    for off, black in blacks.items():
+        x, y = told[0], (told[1] - black) / (1 - black)
+        for response in NAMED:
+            found.append(_named(x, y, Encoding(camera.name, off, response), black))
+        found.append(_power(x, y, Encoding(camera.name, off, Response.LINEAR), black))
+    return min(found, key=lambda c: c.left)
+
+
+def _named(x: np.ndarray, y: np.ndarray, encoding: Encoding, black: float) -> _Curve:
+    """The curve that it names, by the best gain."""
+    curve = ResponseCurve(response=encoding.response).curve
+
+    def made(log: float, x: np.ndarray) -> np.ndarray:
+        return np.asarray(curve(np.clip(np.exp(log) * x, 0, 1)))
+
+    def left(log: float) -> float:
+        return float(np.square(y - made(log, x)).mean())
+
+    near, step = min(GAINS, key=left), GAINS[1] - GAINS[0]
+    solved = minimize_scalar(left, bounds=(near - step, near + step), method="bounded")
+    return _Curve(float(solved.fun), encoding, partial(made, float(solved.x)), black)
+
+
+def _power(x: np.ndarray, y: np.ndarray, encoding: Encoding, black: float) -> _Curve:
+    """The power that leaves least; its σ by what it leaves."""
+
+    def gain(gamma: float) -> float:
+        power = x**gamma
+        return float(power @ y) / max(float(power @ power), 1e-12)
+
+    def left(log: float) -> float:
+        return float(np.square(y - gain(np.exp(log)) * x ** np.exp(log)).mean())
+
+    solved = minimize_scalar(left, bounds=np.log(GAMMAS), method="bounded")
+    gamma = float(np.exp(solved.x))
+    made = gain(gamma) * x**gamma
+    by = np.stack([made, made * np.log(np.maximum(x, 1e-9))], axis=1)
+    variance = float(solved.fun) * len(x) / (len(x) - 2) * np.linalg.pinv(by.T @ by)[1, 1]
+    own = replace(encoding, gamma=Estimate(gamma, float(np.sqrt(variance)), "1"))
+    return _Curve(float(solved.fun), own, lambda z: gain(gamma) * z**gamma, black)
+
+
+def _off_line(told: Steps) -> float:
+    """Mean square of what captures are off a line."""
+    line = np.stack([told[0], np.ones(len(told[0]))], axis=1)
+    return float(np.square(told[1] - line @ np.linalg.lstsq(line, told[1], rcond=None)[0]).mean())

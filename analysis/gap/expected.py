@@ -115,22 +115,24 @@ def expected(
     slope = np.ones(1)
     if curve is not None:
         linear = np.minimum(linear, 2**sensor.bit_depth - 1)
-        slope = _slopes(curve, sensor.bit_depth, sensor.black_level)(linear)
-    temporal, fixed = _variance(linear, slope, sensor if noise is None else noise.of(sensor))
+        slope = _slopes(curve, sensor)(linear)
+    temporal, fixed = _variance(linear, slope, sensor if noise is None else noise.of(sensor), curve)
     return Expected(dn, temporal, fixed, sensor.black_out, float(2**sensor.bits_out - 1))
 
 
 def noise_variance(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Temporal and fixed-pattern variance, DN², float32, of pixels whose mean is ``dn``."""
-    return _variance(*_linear(dn, camera), camera.sensor)
+    return _variance(*_linear(dn, camera), camera.sensor, ResponseCurve.of(camera))
 
 
-def _variance(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
+def _variance(
+    linear: np.ndarray, slope: np.ndarray, sensor: Sensor, curve: ResponseCurve | None
+) -> tuple[np.ndarray, np.ndarray]:
     light, still = _per_electron(linear, slope, sensor)
     temporal = light + still * sensor.read_noise**2
     electrons = np.divide(light, still, out=np.zeros_like(light), where=still > 0)
     fixed = still * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2)
-    if cut.is_cut(sensor):
+    if cut.is_cut(sensor) and not (curve and curve.bends_in_the_dark):  # in whose slopes it is
         u = linear / cut.sigma(linear, sensor)
         temporal, fixed = temporal * cut.kept(u), fixed * cut.seen(u) ** 2
     codes = codes_of(sensor)
@@ -158,7 +160,7 @@ def _undithered(variance: np.ndarray) -> np.ndarray:
 
 def per_electron(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """K² e s² and K² s², DN²: photon noise of pixels whose mean is ``dn``, and what an electron² of other noise adds. s
-    is the slope of the response curve."""
+    is the slope of the response curve, for noise."""
     return _per_electron(*_linear(dn, camera), camera.sensor)
 
 
@@ -168,12 +170,13 @@ def _linear(dn: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     dn = np.asarray(dn, np.float64)
     if not curve.is_there:
         return cut.level(dn, sensor), np.ones(1)
-    if cut.is_cut(sensor):
-        linear = np.interp(dn, *cut.table(sensor, curve)[::-1])
+    if cut.is_cut(sensor) or curve.bends_in_the_dark:
+        x, y, _ = cut.table(sensor, curve)
+        linear = np.interp(dn, y, x)
     else:
         x = _bright(sensor.bit_depth, sensor.black_level)
         linear = np.interp(dn, curve.output(x, sensor.bit_depth, sensor.black_level), x)
-    return linear, _slopes(curve, sensor.bit_depth, sensor.black_level)(linear)
+    return linear, _slopes(curve, sensor)(linear)
 
 
 def _bright(bits: int, black: float) -> np.ndarray:
@@ -182,10 +185,12 @@ def _bright(bits: int, black: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _slopes(curve: ResponseCurve, bits: int, black: float) -> cut.Even:
-    """Of the curve at linear DN."""
-    x = _bright(bits, black)
-    return cut.Even.of(x, np.gradient(curve.output(x, bits, black), x))
+def _slopes(curve: ResponseCurve, sensor: Sensor) -> cut.Even:
+    """Of the curve at linear DN, for noise."""
+    if curve.bends_in_the_dark:
+        return cut.slopes(sensor, curve)
+    x = _bright(sensor.bit_depth, sensor.black_level)
+    return cut.Even.of(x, np.gradient(curve.output(x, sensor.bit_depth, sensor.black_level), x))
 
 
 def _per_electron(linear: np.ndarray, slope: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:

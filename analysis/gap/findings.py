@@ -26,7 +26,6 @@ from interchange.effects.parts import called
 from interchange.sensor import Sensor
 
 CURVE, CROSSTALK, JPEG, SURE = "response_curve", "color_crosstalk", "jpeg", 0.999
-SCREEN = "sRGB"  # of a response curve: that of screens, which has no number
 EVERY = {  # what an effect is about whose target is none, where one of them could have it
     "light_position": "all lamps",
     "light_size": "all lamps",

@@ -8,7 +8,7 @@ from analysis.gap import aperture
 from analysis.gap.attribution import CATALOGUED
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
-from analysis.gap.encoded import Screen
+from analysis.gap.encoded import Encoding
 from analysis.gap.findings import JPEG, cautious
 from analysis.gap.fit import Fit
 from analysis.gap.ledger import Ledger
@@ -29,18 +29,18 @@ def notes(
     forged: Sequence[NoiseFinding],
     left: dict[str, str],
     lines: Sequence[object],
-    screens: Sequence[Screen],
+    encodings: Sequence[Encoding],
     mixed: Sequence[Matrix],
 ) -> list[str]:
     """``judged``: the effects of noise that were tried; ``forged``: those of them that were taken back; ``left``: what
     the corrected scene does not carry, and why; ``lines``: rows and columns that were taken out of the captures before;
-    ``screens``: cameras whose captures are encoded; ``mixed``: those with a colour matrix.
+    ``encodings``: cameras whose captures are encoded; ``mixed``: those with a colour matrix.
     """
     tried = {t.cause for t in fitted.terms} | {n.name for n in (*judged, *forged)}
     eight = any(c.captures[0].bits == 8 and c.captures[0].has_codes for c in conditions)
     tried |= {JPEG} if eight or any(c.packed is not None for c in conditions) else set()
     found = [
-        *_encoded(screens),
+        *_encoded(encodings),
         *_mixed(mixed),
         *_refuted(fitted),
         *(taken_back(n.name) for n in forged),
@@ -61,13 +61,14 @@ def notes(
     return found
 
 
-def _encoded(screens: Sequence[Screen]) -> list[str]:
-    if not screens:
+def _encoded(encodings: Sequence[Encoding]) -> list[str]:
+    if not encodings:
         return []
-    names = " and ".join(called(s.camera) for s in screens)
-    black = ", with black taken off before" if all(s.black_off for s in screens) else ""
+    names = " and ".join(called(e.camera) for e in encodings)
+    curves = " and ".join(dict.fromkeys(e.words for e in encodings))
+    black = ", with black taken off before" if all(e.black_off for e in encodings) else ""
     return [
-        f"The captures of {names} follow the curve of sRGB{black}, and the scene says that they are linear: they are "
+        f"The captures of {names} follow {curves}{black}, and the scene says that they are linear: they are "
         f"taken as they are, the corrected scene says so, and where the gap lies is told of what that leaves. Dim "
         f"parts of such images have coarser steps and bright ones finer than what light does; linear images of all "
         f"bits of the sensor tell more."

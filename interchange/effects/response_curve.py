@@ -18,14 +18,20 @@ from interchange.image import Image
 from interchange.parameter import parameter
 from interchange.sensor import Response, freeze_numbers, freeze_word
 
+STEEP = 0.8  # γ below which the slope grows over noise's width in the dark
+
 
 @dataclass(frozen=True)
 class ResponseCurve(Effect):
-    """x^γ, bowed by c and s, then the named curve: linear, sRGB's, or a table that is linear between its entries."""
+    """x^γ, bowed by c and s, then the named curve: linear, sRGB's, Rec. 709's, or a table that is linear between its
+    entries."""
 
     stage = Stage.READOUT
     order = 60
-    source = "IEC 61966-2-1:1999 (sRGB); Grossberg, Nayar: Modeling the space of camera response functions. PAMI 2004."
+    source = (
+        "IEC 61966-2-1:1999 (sRGB); ITU-R BT.709-6, 1.2; Grossberg, Nayar: Modeling the space of camera response "
+        "functions. PAMI 2004."
+    )
     identified_by = "DN differ by a function of DN alone, whatever the material and the place."
     confused_with = ("exposure", "saturation", "black_level")
     separated_by = "the same scene at a quarter and at four times the exposure"
@@ -58,6 +64,11 @@ class ResponseCurve(Effect):
         straight = self.gamma == 1.0 and self.bow == 0 and self.skew == 0
         return not straight or self.response is not Response.LINEAR or self.bits_out > 0
 
+    @property
+    def bends_in_the_dark(self) -> bool:
+        """Whether it is so steep there that the mean of noise is another than it makes of the noise's mean."""
+        return self.response in (Response.SRGB, Response.REC709) or self.gamma < STEEP
+
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth
         table = self.table(bits, camera.sensor.black_level)
@@ -83,6 +94,8 @@ class ResponseCurve(Effect):
         x = x + x * (1 - x) * (self.bow + self.skew * (1 - 2 * x))
         if self.response is Response.SRGB:
             return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+        if self.response is Response.REC709:
+            return np.where(x < 0.018, 4.5 * x, 1.099 * x**0.45 - 0.099)
         if self.response is Response.LUT:
             return np.interp(x, np.linspace(0, 1, len(self.lut)), self.lut)
         return x

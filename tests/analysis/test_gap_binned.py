@@ -11,7 +11,7 @@ import pytest
 from analysis.gap.binned import LARGEST, Binning, binned_camera, binned_captures, times_binned
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import Estimate, Finding
-from analysis.gap.encoded import Screen
+from analysis.gap.encoded import Encoding
 from analysis.gap.expected import expected
 from analysis.gap.own_pixels import of_own_pixels
 from interchange.camera import Camera, Lens, Sensor
@@ -72,7 +72,7 @@ def test_means_are_of_light_whatever_the_curve(said: bool) -> None:
         for _ in range(40)
     ]
     given = tuple(Capture(f"{k}.png", camera.name, 0.0, 0.02, x, bits=8) for k, x in enumerate(frames))
-    by, told = Binning(2, cameras=frozenset({camera.name})), [Screen(camera.name, black_off=False)]
+    by, told = Binning(2, cameras=frozenset({camera.name})), [Encoding(camera.name, black_off=False)]
     few = binned_captures(Captures(Path("c"), Path("s"), given), document, by, () if said else told).captures
     assert not any(c.has_codes for c in few)
     assert {c.bits for c in few} == {8}

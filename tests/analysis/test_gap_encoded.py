@@ -11,9 +11,9 @@ from analysis.gap.attribution import Attribution, waterfall
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import write_corrected
 from analysis.gap.diagnosis import Estimate, Finding
-from analysis.gap.encoded import Screen, encoded
+from analysis.gap.encoded import LINE, Encoding, encoded, parameters
 from analysis.gap.expected import mean_dn
-from analysis.gap.findings import SCREEN, Known, with_known
+from analysis.gap.findings import Known, with_known
 from analysis.gap.notes import _encoded
 from analysis.gap.shrinkage import Gap
 from analysis.gap.taken_as import on_scene, taken_as
@@ -29,6 +29,7 @@ from tests.analysis.test_gap_overlap import SIZE, lit
 
 COLUMN, ROW = np.meshgrid(np.linspace(-1, 1, SIZE[0]), np.linspace(-1, 1, SIZE[1]))
 PLATE = lit(6.0 - 2.5 * (COLUMN**2 + ROW**2))
+RAMP = lit(0.05 + 3.0 * (1 + COLUMN))
 
 
 def _as_if(condition: Condition, gain: float, curve: ResponseCurve, bits: int = 8) -> Condition:
@@ -47,10 +48,58 @@ def test_srgb_is_told(gain: float) -> None:
         assert [s.camera for s in found] == ["/eye"]
 
 
-@pytest.mark.parametrize("curve", [{}, {"gamma": 0.9}, {"gamma": 0.7}, {"bow": 0.1}])
-def test_what_is_linear_or_bent_in_another_way_is_not(curve: dict[str, float]) -> None:
-    """A gamma of 0.7 is between both; sRGB's is 0.42 to 0.5."""
+@pytest.mark.parametrize("curve", [{}, {"gamma": 0.9}, {"gamma": 1.1}, {"bow": 0.1}])
+def test_what_is_linear_or_bends_little_is_left_to_the_fit(curve: dict[str, float]) -> None:
     assert encoded([_as_if(PLATE, 1.0, ResponseCurve(**curve))]) == []
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.3])
+@pytest.mark.parametrize("gamma", [0.4, 0.4545, 0.7, 1.5])
+def test_a_power_is_told(gain: float, gamma: float) -> None:
+    """In 8 bits; sRGB's curve and that of Rec. 709 are near the second."""
+    (found,) = encoded([_as_if(RAMP, gain, ResponseCurve(gamma=gamma))])
+    assert found.response is Response.LINEAR
+    assert found.gamma.value == pytest.approx(gamma, abs=max(3 * found.gamma.sigma, 0.01))
+    assert found.gamma.sigma < 0.02
+    assert list(parameters([found])) == ["gamma"]
+    assert found.of(PLATE.camera).sensor.gamma == found.gamma.value
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.0])
+def test_rec_709_is_told(gain: float) -> None:
+    (found,) = encoded([_as_if(RAMP, gain, ResponseCurve(response=Response.REC709))])
+    assert found.response is Response.REC709
+    assert parameters([found]) == {"rec709": LINE}
+    other = replace(found, camera="/other", response=Response.SRGB)
+    assert set(parameters([found, other])) == {"eye rec709", "other sRGB"}
+    assert "curve of Rec. 709 and sRGB's curve" in _encoded([found, other])[0]
+
+
+def _toned(x: np.ndarray) -> np.ndarray:
+    y = ResponseCurve(response=Response.SRGB).curve(x)
+    return 0.6 * y + 0.4 * y * y * (3 - 2 * y)
+
+
+@pytest.mark.parametrize("shade", [0.0, 0.3])
+def test_a_curve_without_a_name_is_a_table(shade: float) -> None:
+    """Of two plates of which one is a third as bright, and a ramp: within half a percent of the range, and within one
+    where a lens shades them, which falls off as the plates' own light does."""
+    dark = replace(lit(0.3 * PLATE.rendered.lamps["/lamp"][..., 0]), captures=()) if PLATE.rendered else PLATE
+    shading = (1 - shade * (COLUMN**2 + ROW**2) / 2)[..., None]
+    own = []
+    for c in (PLATE, dark, RAMP):
+        signal = np.clip(c.mean / 4095 * shading, 0, 1)
+        own.append(replace(c, mean=(np.rint(255 * _toned(signal)) / 255 * 4095).astype(np.float32)))
+    (found,) = encoded(own)
+    assert found.response is Response.LUT
+    assert parameters([found]) == {"lut": LINE}
+    camera = found.of(PLATE.camera)
+    assert camera.sensor.response_lut == found.lut
+    x = np.linspace(0.05, 0.55, 50)
+    gains = [
+        np.abs(ResponseCurve.of(camera).curve(x) - _toned(g * x)).max() for g in np.linspace(0.8, 1.1, 61)
+    ]
+    assert min(gains) < (0.01 if shade else 0.005)
 
 
 def test_a_scene_that_says_so_has_no_other_curve() -> None:
@@ -93,11 +142,11 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
     assert sum(s.chi2 for s in steps) == pytest.approx(g.as_written**2)
     gamma = Finding("response_curve", 0.7, {"gamma": Estimate(1.01, 0.01, "1")}, (), None, 2.0, 1.0, 0.005)
     other = replace(gamma, name="vignetting", share=0.025)
-    known = Known("response_curve", {SCREEN: Estimate(1.0, 0.0, "1")}, "why", 96.0, 9.5, ("/World/eye",))
+    known = Known("response_curve", {"sRGB": LINE}, "why", 96.0, 9.5, ("/World/eye",))
     found = with_known([other, gamma], known, g)
     assert [f.name for f in found] == ["response_curve", "vignetting"]
     assert found[0].share == pytest.approx(0.965)
-    assert found[0].parameters == {"sRGB": Estimate(1.0, 0.0, "1")} | gamma.parameters
+    assert found[0].parameters == {"sRGB": LINE} | gamma.parameters
     assert found[0].grounds == "why"
     assert found[0].called == "response curve of eye"
     assert (found[0].gap_without, found[0].gap_with) == (9.5, 1.0)
@@ -105,10 +154,11 @@ def test_the_curve_is_a_finding_and_part_of_what_is_closed() -> None:
 
 def test_the_corrected_scene_says_so(tmp_path: Path) -> None:
     document = open_scene(BENCH)
-    screens = [Screen("/World/Camera0", True)]
+    encodings = [Encoding("/World/Camera0", True)]
     captures = Captures(BENCH, BENCH, ())
     assert (
-        write_corrected(document, captures, [], tmp_path / "new.usda", partial(on_scene, told=screens)) == {}
+        write_corrected(document, captures, [], tmp_path / "new.usda", partial(on_scene, told=encodings))
+        == {}
     )
     for name, said in (("/World/Camera0", (Response.SRGB, 0.0)), ("/World/Camera1", (Response.LINEAR, 64.0))):
         sensor = open_scene(tmp_path / "new.usda").scene(0).camera(name).sensor
@@ -134,6 +184,6 @@ def test_the_mean_of_a_curve_that_bends_is_not_the_curve_of_the_mean() -> None:
 
 
 def test_the_report_says_how_they_are_taken() -> None:
-    (words,) = _encoded([Screen("/eye", True)])
-    assert "captures of eye follow the curve of sRGB, with black taken off before" in words
+    (words,) = _encoded([Encoding("/eye", True)])
+    assert "captures of eye follow sRGB's curve, with black taken off before" in words
     assert _encoded([]) == []

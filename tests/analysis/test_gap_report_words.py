@@ -8,7 +8,8 @@ import pytest
 
 from analysis.gap.advice import separating
 from analysis.gap.diagnosis import Estimate, Finding, names
-from analysis.gap.encoded import GROUNDS
+from analysis.gap.encoded import Encoding
+from analysis.gap.encoded import grounds as grounds_of_curves
 from analysis.gap.findings import _targets
 from analysis.gap.report import _verification
 from analysis.gap.report_words import (
@@ -56,7 +57,13 @@ def test_what_was_not_fitted_is_told_by_what_it_was_judged_by() -> None:
     said, others = grounds(_fit(0.0), noise)
     assert "on repeats" in said
     assert not any("less likely" in w for w in others)
-    curve: Any = SimpleNamespace(name="response_curve", rivals=(), parameters={}, tied=(), grounds=GROUNDS)
+    curve: Any = SimpleNamespace(
+        name="response_curve",
+        rivals=(),
+        parameters={},
+        tied=(),
+        grounds=grounds_of_curves([Encoding("/eye", True)]),
+    )
     said, others = grounds(_fit(0.0), curve)
     assert "follow sRGB's curve" in said
     assert others == [ALONE]

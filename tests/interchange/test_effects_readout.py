@@ -89,6 +89,18 @@ def test_srgb_has_its_published_values(linear, encoded):
     assert dn == pytest.approx(encoded, abs=0.55)
 
 
+@pytest.mark.parametrize(
+    ("linear", "encoded"),
+    [(0.0, 0.0), (0.009, 0.0405), (0.0179, 0.08055), (0.1, 0.2909), (0.5, 0.7055), (1.0, 1.0)],
+)
+def test_rec_709_has_its_published_values(linear, encoded):
+    """ITU-R BT.709-6, 1.2: 4.5 L below 0.018; 1.099 L^0.45 - 0.099 above."""
+    curve = ResponseCurve(response="rec709")
+    assert curve.curve(np.array(linear)) == pytest.approx(encoded, abs=2e-4)
+    dn = expose(even(np.full(3, linear)), station(response="rec709", output_bit_depth=8, bit_depth=16)).pixels
+    assert dn == pytest.approx(255 * encoded, abs=0.55)
+
+
 def test_a_table_is_linear_between_its_entries_and_gamma_comes_before():
     lut = ResponseCurve(response="lut", lut=(0.0, 0.5, 0.6, 1.0))
     assert lut.curve(np.array([0, 1 / 6, 1 / 3, 0.5, 1])) == pytest.approx([0, 0.25, 0.5, 0.55, 1])
