@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.cut import sigma
+from interchange.sensor import Sensor
 
 BINS, LEAST = 32, 50  # steps of the simulated DN, each of as many values; values of one at least
 SAMPLES = 5000  # pixels of a condition that tell the field
@@ -44,10 +45,21 @@ def evened(own: Sequence[Condition]) -> Steps | None:
     for _ in range(ROUNDS):
         field = _field(x, y, by, _medians(x * np.exp(by @ field), y))
     bins, medians = _medians(x * np.exp(by @ field), y)
-    sensor = own[0].camera.sensor
-    dark = float(sigma(np.array(sensor.black_level), sensor)) / (2**sensor.bit_depth - 1 - sensor.black_level)
-    seen = bins > DIM * dark
+    seen = bins > DIM * _dark(own[0].camera.sensor)
     return (bins[seen], medians[seen]) if seen.sum() > BINS // 2 else None
+
+
+def in_the_dark(own: Sequence[Condition]) -> tuple[float, float] | None:
+    """Mean signals simulated and captured of what is no brighter than evened steps leave out; None of too few."""
+    pairs = [_pairs(c) for c in own]
+    x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    dim = x < DIM * _dark(own[0].camera.sensor)
+    return (float(x[dim].mean()), float(y[dim].mean())) if dim.sum() >= LEAST else None
+
+
+def _dark(sensor: Sensor) -> float:
+    """σ of the dark, of signals over the highest."""
+    return float(sigma(np.array(sensor.black_level), sensor)) / (2**sensor.bit_depth - 1 - sensor.black_level)
 
 
 def _field(x: np.ndarray, y: np.ndarray, by: np.ndarray, curve: Steps) -> np.ndarray:

@@ -17,8 +17,9 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 
+from analysis.gap import cut
 from analysis.gap.conditions import Condition
-from analysis.gap.curve_steps import Steps, evened, steps
+from analysis.gap.curve_steps import Steps, evened, in_the_dark, steps
 from analysis.gap.diagnosis import Estimate
 from analysis.gap.parallel import each
 from interchange.camera import Camera
@@ -105,57 +106,85 @@ def _encoding(own: Sequence[Condition]) -> Encoding | None:
     bend = np.sqrt(_off_line(seen)) / max(float(np.ptp(seen[1])), 1e-12)  # dark steps show most of it
     if bend <= BENT:
         return None
-    told, best = seen, _best(seen, own[0].camera)
-    plain = evened(own)  # of light that goes smoothly over one image, field and curve are not told apart
-    if (
-        plain
-        and (other := _best(plain, own[0].camera)).left * np.ptp(seen[1]) ** 2
-        < best.left * np.ptp(plain[1]) ** 2
-    ):
-        told, best = plain, other
+    # of light that goes smoothly over one image, what shades it and the curve are not told apart
+    both = [_curves(told, own[0].camera) for told in (seen, evened(own)) if told]
+    curves = min(both, key=lambda some: some[0].left / some[0].range_ ** 2)
+    best = curves[0]
     if bend <= BENT_BY_POWER and best.encoding.response not in NAMED:
         return None
-    if _off_line(told) <= BETTER * best.left:
+    if _off_line(best.told) <= BETTER * best.left:
         return None
-    return best.encoding if best.left <= max(OWN * np.ptp(told[1]), HALF_A_CODE) ** 2 else best.bowed(told)
+    right = best.left <= max(OWN * best.range_, HALF_A_CODE) ** 2
+    return best.encoding if right else _bowed([c for c in curves if c.black == best.black], own)
+
+
+def _bowed(curves: Sequence["_Curve"], own: Sequence[Condition]) -> Encoding:
+    """Of the tables that curves are bowed into, which are alike where steps show them, the one whose dark is nearest to
+    the captures'."""
+    tables = [c.bowed(straight) for c in curves for straight in (False, True)]
+    dark = in_the_dark(own)
+    if dark is None:
+        return tables[0]
+    x, y = dark
+    return min(tables, key=lambda t: abs(_dark_of(t, own[0].camera, x) - y))
+
+
+def _dark_of(table: Encoding, camera: Camera, x: float) -> float:
+    """Mean of what a camera gives of a signal, over its highest DN; noise among it."""
+    sensor = table.of(camera).sensor
+    linear = sensor.black_level + x * (2**sensor.bit_depth - 1 - sensor.black_level)
+    curve = replace(ResponseCurve.of(table.of(camera)), bits_out=0)
+    return float(cut.mean(np.array([linear]), sensor, curve)[0]) / (2**sensor.bit_depth - 1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """An encoding, the mean square of what captures are off it, and what ``made`` of signals over the highest, by the
+    """An encoding, the mean square of what ``told`` is off it, and what it ``made`` of signals over the highest, by the
     gain that it has; ``black`` over the highest."""
 
+    told: Steps
     left: float
     encoding: Encoding
     made: Callable[[np.ndarray], np.ndarray]
     black: float
 
-    def bowed(self, told: Steps) -> Encoding:
-        """That with what captures have beyond it, as a table."""
-        x, y = told[0], (told[1] - self.black) / (1 - self.black)
+    @property
+    def range_(self) -> float:
+        return float(np.ptp(self.told[1]))
+
+    def bowed(self, straight: bool) -> Encoding:
+        """That with what captures have beyond it, as a table; ``straight`` below the dimmest step, or as the curve."""
+        x, y = self.told[0], _above(self.told, self.black)
         first = np.unique(x, return_index=True)[1]
         off = (y - self.made(x))[first]
         beyond = PchipInterpolator(np.append(0, x[first]), np.append(0, off))
         grid = np.linspace(0, 1, ENTRIES)
         table = np.clip(self.made(grid) + beyond(np.minimum(grid, x.max())), 0, 1)
+        if straight:
+            toe = grid < x.min()
+            table[toe] = grid[toe] / x.min() * float(self.made(x.min()) + beyond(x.min()))
         lut = tuple(map(float, np.maximum.accumulate(table)))
         return replace(self.encoding, response=Response.LUT, gamma=LINE, lut=lut)
 
 
-def _best(told: Steps, camera: Camera) -> _Curve:
+def _curves(told: Steps, camera: Camera) -> list[_Curve]:
+    """Named curves and a power, with either black; the nearest first."""
     blacks = {True: 0.0, False: camera.sensor.black_level / (2**camera.sensor.bit_depth - 1)}
     found = []
     for off, black in blacks.items():
-        x, y = told[0], (told[1] - black) / (1 - black)
-        for response in NAMED:
-            found.append(_named(x, y, Encoding(camera.name, off, response), black))
-        found.append(_power(x, y, Encoding(camera.name, off, Response.LINEAR), black))
-    return min(found, key=lambda c: c.left)
+        found += [_named(told, Encoding(camera.name, off, response), black) for response in NAMED]
+        found.append(_power(told, Encoding(camera.name, off, Response.LINEAR), black))
+    return sorted(found, key=lambda c: c.left)
 
 
-def _named(x: np.ndarray, y: np.ndarray, encoding: Encoding, black: float) -> _Curve:
+def _above(told: Steps, black: float) -> np.ndarray:
+    """Captured signals above black, over their highest."""
+    return (told[1] - black) / (1 - black)
+
+
+def _named(told: Steps, encoding: Encoding, black: float) -> _Curve:
     """The curve that it names, by the best gain."""
-    curve = ResponseCurve(response=encoding.response).curve
+    x, y, curve = told[0], _above(told, black), ResponseCurve(response=encoding.response).curve
 
     def made(log: float, x: np.ndarray) -> np.ndarray:
         return np.asarray(curve(np.clip(np.exp(log) * x, 0, 1)))
@@ -165,26 +194,26 @@ def _named(x: np.ndarray, y: np.ndarray, encoding: Encoding, black: float) -> _C
 
     near, step = min(GAINS, key=left), GAINS[1] - GAINS[0]
     solved = minimize_scalar(left, bounds=(near - step, near + step), method="bounded")
-    return _Curve(float(solved.fun), encoding, partial(made, float(solved.x)), black)
+    return _Curve(told, float(solved.fun), encoding, partial(made, float(solved.x)), black)
 
 
-def _power(x: np.ndarray, y: np.ndarray, encoding: Encoding, black: float) -> _Curve:
+def _power(told: Steps, encoding: Encoding, black: float) -> _Curve:
     """The power that leaves least; its σ by what it leaves."""
+    x, y = told[0], _above(told, black)
 
-    def gain(gamma: float) -> float:
+    def made(gamma: float, x_of: np.ndarray) -> np.ndarray:
         power = x**gamma
-        return float(power @ y) / max(float(power @ power), 1e-12)
+        return float(power @ y) / max(float(power @ power), 1e-12) * np.asarray(x_of) ** gamma
 
     def left(log: float) -> float:
-        return float(np.square(y - gain(np.exp(log)) * x ** np.exp(log)).mean())
+        return float(np.square(y - made(np.exp(log), x)).mean())
 
     solved = minimize_scalar(left, bounds=np.log(GAMMAS), method="bounded")
     gamma = float(np.exp(solved.x))
-    made = gain(gamma) * x**gamma
-    by = np.stack([made, made * np.log(np.maximum(x, 1e-9))], axis=1)
+    by = np.stack([made(gamma, x), made(gamma, x) * np.log(np.maximum(x, 1e-9))], axis=1)
     variance = float(solved.fun) * len(x) / (len(x) - 2) * np.linalg.pinv(by.T @ by)[1, 1]
     own = replace(encoding, gamma=Estimate(gamma, float(np.sqrt(variance)), "1"))
-    return _Curve(float(solved.fun), own, lambda z: gain(gamma) * z**gamma, black)
+    return _Curve(told, float(solved.fun), own, partial(made, gamma), black)
 
 
 def _off_line(told: Steps) -> float:
