@@ -1,9 +1,9 @@
-"""What captured DN are of the simulated ones, by medians of ``BINS`` steps of the simulated: a curve that captures went
-through is a function of DN alone.
+"""What captured DN are of the simulated ones, by means of the middle half of ``BINS`` steps of the simulated: a curve
+that captures went through is a function of DN alone.
 
-What a lens or a lamp shades moves light along the curve, and medians with it. ``evened`` tells that in turn with the
-curve: by what the medians make of captures, their light over the simulated is a smooth field over the image, which all
-conditions share, and a gain of each condition and of each channel.
+What a lens or a lamp shades moves light along the curve. ``evened`` tells that in turn with the curve: by what the
+steps make of captures, their light over the simulated is a smooth field over the image, which all conditions share and
+which is 1 in its middle, and a gain of each condition and of each channel, 1 in their mean.
 
 Steps are (x, y), each (BINS,) or fewer: simulated signals over the highest above black, captured DN over the highest.
 """
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from scipy.stats import trim_mean
 
 from analysis.gap.conditions import Condition
 from analysis.gap.cut import sigma
@@ -24,6 +25,7 @@ EVEN = 0.2
 DIM = 6.0  # σ of the dark, below which the mean of a bent curve is not the curve of the mean
 ROUNDS = 4  # of field and curve in turn: from the third on γ moves by 0.002
 RANGE = 0.1  # of the captures' range, below which light is not told by them
+FIELD = 4  # terms: squares and fourth powers of the radius, and a tilt
 WIDE = 2.0  # times the median of what is left, from which on a pixel weighs less
 Steps = tuple[np.ndarray, np.ndarray]
 
@@ -31,7 +33,7 @@ Steps = tuple[np.ndarray, np.ndarray]
 def steps(own: Sequence[Condition]) -> Steps | None:
     """Of all that is compared; None of too few."""
     x, y = (np.concatenate(parts) for parts in zip(*(_pairs(c) for c in own), strict=True))
-    return _medians(x, y) if len(x) >= BINS * LEAST else None
+    return _middles(x, y) if len(x) >= BINS * LEAST else None
 
 
 def evened(own: Sequence[Condition]) -> Steps | None:
@@ -40,13 +42,13 @@ def evened(own: Sequence[Condition]) -> Steps | None:
     x, y, by = (np.concatenate(parts) for parts in zip(*told, strict=True))
     if len(x) < BINS * LEAST:
         return None
-    by -= by.mean(axis=0)
+    by[:, FIELD:] -= by[:, FIELD:].mean(axis=0)
     field = np.zeros(by.shape[1])
     for _ in range(ROUNDS):
-        field = _field(x, y, by, _medians(x * np.exp(by @ field), y))
-    bins, medians = _medians(x * np.exp(by @ field), y)
+        field = _field(x, y, by, _middles(x * np.exp(by @ field), y))
+    bins, middles = _middles(x * np.exp(by @ field), y)
     seen = bins > DIM * _dark(own[0].camera.sensor)
-    return (bins[seen], medians[seen]) if seen.sum() > BINS // 2 else None
+    return (bins[seen], middles[seen]) if seen.sum() > BINS // 2 else None
 
 
 def in_the_dark(own: Sequence[Condition]) -> tuple[float, float] | None:
@@ -70,7 +72,7 @@ def _field(x: np.ndarray, y: np.ndarray, by: np.ndarray, curve: Steps) -> np.nda
     if told.sum() < BINS * LEAST:
         return np.zeros(by.shape[1])
     log = np.log(np.maximum(np.interp(y[told], dn, light), 1e-9) / x[told])
-    columns = np.column_stack([by[told], np.ones(int(told.sum()))])
+    columns = np.column_stack([by[told], np.ones(int(told.sum()))])  # whose gain is the curve's
     weight = np.ones(len(log))
     for _ in range(ROUNDS):
         solved = np.linalg.lstsq(columns * weight[:, None], log * weight, rcond=None)[0]
@@ -107,9 +109,11 @@ def _samples(c: Condition, place: int, among: int) -> list[tuple[np.ndarray, np.
     return found
 
 
-def _medians(x: np.ndarray, y: np.ndarray) -> Steps:
+def _middles(x: np.ndarray, y: np.ndarray) -> Steps:
+    """Means of the middle half of each step's values: medians of codes are codes."""
     parts = np.array_split(np.argsort(x, kind="stable"), BINS)
-    return np.array([np.median(x[i]) for i in parts]), np.array([np.median(y[i]) for i in parts])
+    x, y = (np.array([trim_mean(plane[i], 0.25) for i in parts]) for plane in (x, y))
+    return x, y
 
 
 def _pairs(c: Condition) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,8 @@ f(max(x, 0)), whose mean is no f(µ). For a line, with u = µ / σ,
 
     E = σ m(u),  m = u Φ(u) + φ(u);    Var = σ² c(u),  c = u² Φ + u φ + Φ - m²
 
-Otherwise it is told by quadrature, once for every µ. Cameras without a black level to speak of, and pictures that it
+Otherwise it is told by quadrature, once for every µ. Means over pixels are of light, which codes' noise was cut off
+from before. Cameras without a black level to speak of, and pictures that it
 was taken off from, are brighter in the dark than their light by 0.4 σ.
 
 Johnson, Kotz, Balakrishnan: Continuous univariate distributions 1, 1994, section 10.1 (censored normal variables).
@@ -17,6 +18,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import ndtr
 
+from analysis.gap.filters import Averaging
 from interchange.camera import Sensor
 from interchange.effects.response_curve import ResponseCurve
 
@@ -64,14 +66,20 @@ def sigma(linear: np.ndarray, sensor: Sensor) -> np.ndarray:
     return np.asarray(np.sqrt(sensor.K * signal + (sensor.K * sensor.read_noise) ** 2 + pattern + LEAST**2))
 
 
+def of_codes(linear: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """The same of what is cut off, DN: of the codes, where a sensor's values are means of their light."""
+    codes = sensor.codes if isinstance(sensor, Averaging) else 1
+    return np.asarray(np.sqrt(codes) * sigma(linear, sensor))
+
+
 def is_cut(sensor: Sensor) -> bool:
-    return bool(sensor.black_level < NEAR * float(sigma(np.array(sensor.black_level), sensor)))
+    return bool(sensor.black_level < NEAR * float(of_codes(np.array(sensor.black_level), sensor)))
 
 
 def mean(linear: np.ndarray, sensor: Sensor, curve: ResponseCurve | None) -> np.ndarray:
     """The mean DN of what a camera makes of ``linear`` DN and their noise."""
     if curve is None:
-        return cut(linear, sigma(linear, sensor)) if is_cut(sensor) else linear
+        return cut(linear, of_codes(linear, sensor)) if is_cut(sensor) else linear
     # of a curve that bends little it is what it makes of their mean
     if not curve.bends_in_the_dark and not is_cut(sensor):
         return curve.output(linear, sensor.bit_depth, sensor.black_level)
@@ -105,7 +113,7 @@ def level(dn: np.ndarray, sensor: Sensor) -> np.ndarray:
     if not is_cut(sensor):
         return dn
     x = _levels(sensor)
-    return np.interp(dn, cut(x, sigma(x, sensor)), x)
+    return np.interp(dn, cut(x, of_codes(x, sensor)), x)
 
 
 @lru_cache(maxsize=64)
@@ -113,6 +121,9 @@ def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray,
     """Linear DN, rising, the mean DN that the camera gives of each, and the standard deviation of these over that of
     the linear ones."""
     x = _levels(sensor)
+    if isinstance(sensor, Averaging):
+        y, slope = _of_means(x, sensor, curve)
+        return x, y, slope
     s = sigma(x, sensor)
     noisy = np.maximum(x[:, None] + s[:, None] * Z, 0)
     given = np.maximum(curve.output(noisy, sensor.bit_depth, sensor.black_level), 0)
@@ -120,6 +131,14 @@ def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray,
     slope = np.sqrt(np.square(given - y[:, None]) @ WEIGHTS) / s
     x.flags.writeable = y.flags.writeable = slope.flags.writeable = False
     return x, y, slope
+
+
+def _of_means(x: np.ndarray, sensor: Averaging, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray]:
+    """Of means of light: codes are cut off by their own noise, and the curve is of the mean."""
+    s = of_codes(x, sensor)
+    light = cut(x, s)
+    y = np.maximum(curve.output(light, sensor.bit_depth, sensor.black_level), 0)
+    return y, np.gradient(y, np.maximum.accumulate(light) + 1e-9 * np.arange(len(x))) * np.sqrt(kept(x / s))
 
 
 @lru_cache(maxsize=32)  # of 2 MB at most
@@ -138,7 +157,7 @@ def slopes(sensor: Sensor, curve: ResponseCurve) -> Even:
 
 
 def _levels(sensor: Sensor) -> np.ndarray:
-    dark = float(sigma(np.array(sensor.black_level), sensor))
+    dark = float(of_codes(np.array(sensor.black_level), sensor))
     low = dark * np.arange(-NEAR, 4 * NEAR, 1 / 8)
     top = 2.0**sensor.bit_depth - 1 - sensor.black_level
     above = np.concatenate([low[low < top], np.geomspace(min(low[-1], top), top, BRIGHT)])

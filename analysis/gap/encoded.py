@@ -2,7 +2,7 @@
 does, and many a camera has a gamma. The curve is taken for what it is before anything is fitted: none that bends so far
 is reached by steps from a line, and what it leaves would be taken for effects that are not there.
 
-Over all pixels of a camera the captures' DN are a function of the simulated ones. Medians of steps of it are
+Over all pixels of a camera the captures' DN are a function of the simulated ones. Means of steps of it are
 fitted by a line with a gain and an offset of its own, and by the curves of ``NAMED`` and a power with a gain and either
 offset that a camera gives: its black level, or none where that was taken off before. (sRGB's curve is a power but for
 its offset and its toe.) Which curve it is, is told once more without what shades the light

@@ -133,7 +133,7 @@ def _variance(
     electrons = np.divide(light, still, out=np.zeros_like(light), where=still > 0)
     fixed = still * ((sensor.prnu * electrons) ** 2 + sensor.dsnu**2)
     if cut.is_cut(sensor) and not (curve and curve.bends_in_the_dark):  # in whose slopes it is
-        u = linear / cut.sigma(linear, sensor)
+        u = linear / cut.of_codes(linear, sensor)
         temporal, fixed = temporal * cut.kept(u), fixed * cut.seen(u) ** 2
     codes = codes_of(sensor)
     rounded, lasting = rounding(sensor), _undithered(codes * temporal) / codes
