@@ -67,7 +67,7 @@ class ResponseCurve(Effect):
     @property
     def bends_in_the_dark(self) -> bool:
         """Whether it is so steep there that the mean of noise is another than it makes of the noise's mean."""
-        return self.response is not Response.LINEAR or self.gamma < STEEP
+        return self.response in (Response.SRGB, Response.REC709) or self.gamma < STEEP
 
     def apply(self, image: Image, camera: Camera, rng: np.random.Generator | None) -> Image:
         bits = camera.sensor.bit_depth

@@ -34,6 +34,10 @@ def test_every_form_can_be_read(forms: dict[str, Captures]) -> None:
         "jpeg",
         "declared",
         "compressed",
+        "gamma_0.45",
+        "gamma_0.7",
+        "rec709",
+        "toned",
     }
     assert {n for n, c in forms.items() if c.captures[0].pixels.shape[2] == 1} == {"grey", "raw"}
     assert len(forms["few"].captures) == len(sample_forms.FEW)
