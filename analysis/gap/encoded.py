@@ -28,7 +28,6 @@ from interchange.effects.response_curve import ResponseCurve
 from interchange.sensor import Response, Sensor
 
 NAMED = {Response.SRGB: "sRGB's curve", Response.REC709: "the curve of Rec. 709"}
-WITHOUT_NUMBERS = (*NAMED, Response.LUT)
 GAINS = np.log(2) * np.linspace(-1, 1, 31)  # logarithms; between them the best is searched for
 GAMMAS = (0.25, 4.0)
 BENT = 0.01  # of the captures' range, rms, that a line leaves at least
@@ -74,6 +73,11 @@ def parameters(by: Sequence[Encoding]) -> dict[str, Estimate]:
     if all(e.response is by[0].response is not Response.LINEAR for e in by):
         return by[0].parameters
     return {f"{called(e.camera)} {n}" if len(by) > 1 else n: x for e in by for n, x in e.parameters.items()}
+
+
+def has_a_number(parameter: str) -> bool:
+    """Whether one of an effect's parameters is told by its value: a curve that has a name or a table is not."""
+    return parameter.rpartition(" ")[2] not in (*NAMED, Response.LUT)
 
 
 def grounds(by: Sequence[Encoding]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.compare.slider import SCRIPT, STYLE, data_uri, slider
 from analysis.gap.diagnose import Diagnosed
 from analysis.gap.diagnosis import Diagnosis, Estimate, Finding, stage_of, write_text
-from analysis.gap.encoded import WITHOUT_NUMBERS
+from analysis.gap.encoded import has_a_number
 from analysis.gap.ledger import NOISE, Share
 from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.report_pictures import gap_map, shown, waterfall
@@ -173,8 +173,8 @@ def _effect(f: Finding, found: Diagnosed) -> str:
 
 
 def _parameter(effect: str, name: str, p: Estimate) -> str:
-    if name.rpartition(" ")[2] in WITHOUT_NUMBERS:
-        return f"<tr><td>{name}</td><td class=n>yes</td><td></td><td></td><td></td></tr>"
+    if not has_a_number(name):
+        return f"<tr><td>{html.escape(name)}</td><td class=n>yes</td><td></td><td></td><td></td></tr>"
     return (
         f"<tr><td>{html.escape(name)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
         f"<td>{interval(effect, name, p)}</td>"

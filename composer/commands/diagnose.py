@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
     from analysis.gap import metric
     from analysis.gap.binned import times_binned
     from analysis.gap.diagnose import diagnose
-    from analysis.gap.diagnosis import write
+    from analysis.gap.diagnosis import Estimate, write
+    from analysis.gap.encoded import has_a_number
     from analysis.gap.renderers import renderer
     from analysis.gap.report import write_report
     from analysis.gap.report_words import lacking, sentence
@@ -91,12 +92,16 @@ def run(args: argparse.Namespace) -> int:
             args.rehearse,
             binning,
         )
+
+    def told(name: str, p: Estimate) -> str:
+        return f"{name} = {p.value:.4g} ± {p.sigma:.2g} {p.unit}" if has_a_number(name) else name
+
     d = found.diagnosis
     write(args.out / "diagnosis.json", d)
     write_report(args.out / "report.html", found, captures)
     print(sentence(d))
     for f in d.effects:
-        values = ", ".join(f"{n} = {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for n, p in f.parameters.items())
+        values = ", ".join(told(n, p) for n, p in f.parameters.items())
         print(f"  {f.name:28} p = {f.probability:.3f}  {values}")
     for words, p in d.unknown:
         print(f"  not in the catalogue         p = {p:.3f}  {words}")

@@ -11,7 +11,7 @@ from analysis.gap.attribution import Attribution, waterfall
 from analysis.gap.conditions import Condition
 from analysis.gap.corrected import write_corrected
 from analysis.gap.diagnosis import Estimate, Finding
-from analysis.gap.encoded import LINE, Encoding, encoded, parameters
+from analysis.gap.encoded import LINE, Encoding, encoded, has_a_number, parameters
 from analysis.gap.expected import mean_dn
 from analysis.gap.findings import Known, with_known
 from analysis.gap.notes import _encoded
@@ -72,6 +72,7 @@ def test_rec_709_is_told(gain: float) -> None:
     assert parameters([found]) == {"rec709": LINE}
     other = replace(found, camera="/other", response=Response.SRGB)
     assert set(parameters([found, other])) == {"eye rec709", "other sRGB"}
+    assert [has_a_number(n) for n in ("other sRGB", "lut", "eye gamma")] == [False, False, True]
     assert "curve of Rec. 709 and sRGB's curve" in _encoded([found, other])[0]
 
 
