@@ -5,9 +5,10 @@ f(max(x, 0)), whose mean is no f(µ). For a line, with u = µ / σ,
 
     E = σ m(u),  m = u Φ(u) + φ(u);    Var = σ² c(u),  c = u² Φ + u φ + Φ - m²
 
-Otherwise it is told by quadrature, once for every µ. Means over pixels are of light, which codes' noise was cut off
-from before. Cameras without a black level to speak of, and pictures that it
-was taken off from, are brighter in the dark than their light by 0.4 σ.
+Otherwise it is told by quadrature, once for every µ; where noise is a few DN wide, by the whole DN that curves are
+given, of which a steep one makes more: all below 0.5 is 0. Means over pixels are of light, which codes' noise was cut
+off from before. Cameras without a black level to speak of, and pictures that it was taken off from, are brighter in the
+dark than their light by 0.4 σ.
 
 Johnson, Kotz, Balakrishnan: Continuous univariate distributions 1, 1994, section 10.1 (censored normal variables).
 """
@@ -27,6 +28,7 @@ Z = np.arange(-NEAR, NEAR + 1e-9, 1 / 8)
 WEIGHTS = np.exp(-0.5 * Z**2) / np.exp(-0.5 * Z**2).sum()
 LEAST = 1e-3  # DN, of σ
 BRIGHT = 4096  # nodes of what is bright
+FEW = 8.0  # DN of σ, up to which whole DN are told apart: above, rounding is 1e-3 of the variance
 MOST = 2**17  # nodes of an even table: 0.03 DN of 12 bits
 
 
@@ -125,12 +127,33 @@ def table(sensor: Sensor, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray,
         y, slope = _of_means(x, sensor, curve)
         return x, y, slope
     s = sigma(x, sensor)
-    noisy = np.maximum(x[:, None] + s[:, None] * Z, 0)
-    given = np.maximum(curve.output(noisy, sensor.bit_depth, sensor.black_level), 0)
-    y = given @ WEIGHTS
-    slope = np.sqrt(np.square(given - y[:, None]) @ WEIGHTS) / s
+    y, variance = _moments(x, s, sensor, curve)
+    slope = np.sqrt(variance) / s
     x.flags.writeable = y.flags.writeable = slope.flags.writeable = False
     return x, y, slope
+
+
+def _moments(
+    x: np.ndarray, s: np.ndarray, sensor: Sensor, curve: ResponseCurve
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance, over N(x, s²), of what the curve makes of DN that are whole and no less than 0."""
+
+    def output(dn: np.ndarray) -> np.ndarray:
+        return np.maximum(curve.output(dn, sensor.bit_depth, sensor.black_level), 0)
+
+    y, variance = np.empty_like(x), np.empty_like(x)
+    few = s < FEW
+    if few.any():
+        codes = np.arange(max(float((x + NEAR * s)[few].max()), 0) + 2)
+        below = ndtr((codes + 0.5 - x[few, None]) / s[few, None])
+        share = np.diff(below, axis=1, prepend=0)
+        given = output(codes)
+        y[few] = share @ given
+        variance[few] = np.maximum(share @ np.square(given) - y[few] ** 2, 0)
+    given = output(np.maximum(x[~few, None] + s[~few, None] * Z, 0))
+    y[~few] = given @ WEIGHTS
+    variance[~few] = np.square(given - y[~few, None]) @ WEIGHTS
+    return y, variance
 
 
 def _of_means(x: np.ndarray, sensor: Averaging, curve: ResponseCurve) -> tuple[np.ndarray, np.ndarray]:

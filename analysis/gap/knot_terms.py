@@ -13,7 +13,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.geometry_terms import FLAT, moved_objects, outlines
 from analysis.gap.knots import Knots
-from analysis.gap.left import EDGED
+from analysis.gap.left import EDGED, SHADOWED
 from analysis.gap.mounts import MOUNT, lamps_of, on_one_mount
 from analysis.gap.roundness import is_round
 from analysis.gap.state import State
@@ -108,11 +108,13 @@ def _lamps(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: 
             terms.append(Term("light_size", name, "spread", "mm", EDGED * t.flat_field, field,
                               relative=True, low=0.0, kind="scene", step=step))  # fmt: skip
     shading = [n for n, x in lights.items() if x.casts_shadows]
-    for name in ["", *shading] if len(shading) > 1 else shading:
+    several = len(shading) > 1
+    for name in ["", *shading] if several else shading:
         field = rendered(
             knots, "shadow", name, "share", 1.0, lamps=lamps_of(shading, name), together=True, sizes=sizes
         )
-        terms.append(Term("shadow", name, "share", "1", EDGED * t.flat_field, field, relative=True, low=0.0))
+        spike = (SHADOWED if several and name else EDGED) * t.flat_field
+        terms.append(Term("shadow", name, "share", "1", spike, field, relative=True, low=0.0))
     return terms
 
 

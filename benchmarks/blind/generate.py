@@ -97,15 +97,18 @@ def main() -> None:
         still=args.still,
     )
     given = {k: int(n) for k, n in (x.split("=") for x in args.counts)}
-    todo = plans(
-        args.cases,
-        seed,
-        args.worlds,
-        tuple(s / 100 for s in args.severities),
-        given or None,
-        tuple(args.scenes),
-        args.apart,
-    )
+    try:
+        todo = plans(
+            args.cases,
+            seed,
+            args.worlds,
+            tuple(s / 100 for s in args.severities),
+            given or None,
+            tuple(args.scenes),
+            args.apart,
+        )
+    except ValueError as error:
+        p.error(str(error))
     todo.sort(key=lambda x: x.case)  # names are drawn by lot: the first of them are a sample of all
     work = [x for x in todo if not (parts / f"{x.case}.json").is_file()]
     if args.made and work:

@@ -114,7 +114,11 @@ def _where(rng: np.random.Generator, names: tuple[str, ...], used: dict[str, int
 
 
 def _turns(rng: np.random.Generator, options: list[tuple[tuple[str, float], ...]], n: int) -> list[tuple]:
-    """All options in turn, shuffled each time round."""
+    """All options in turn, shuffled each time round. Raises ValueError where there is none to take."""
+    if n and not options:
+        raise ValueError(
+            "a stratum has no cause of these severities; those outside the catalogue stay below 4 %"
+        )
     out: list[tuple] = []
     while len(out) < n:
         out += [options[k] for k in rng.permutation(len(options))]

@@ -159,6 +159,12 @@ def test_severity_is_the_rms_of_the_change_over_the_mean():
     assert severity.severity([hot], [2 * hot - (hot < 1e7) * hot], 1e5) == 0.0
 
 
+def test_a_stratum_without_causes_is_an_error() -> None:
+    """It was a loop without an end: what is outside the catalogue is never as strong as 4 %."""
+    with pytest.raises(ValueError, match="below 4 %"):
+        strata.plans(0, 5, 1, (0.04, 0.08), {"outside": 4})
+
+
 def test_strata_add_up_and_an_order_says_nothing():
     for n in (1, 30, 100, 640):
         assert sum(strata.counts(n).values()) == n
