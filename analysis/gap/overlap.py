@@ -8,6 +8,8 @@ import numpy as np
 
 from analysis.gap.conditions import Condition
 from analysis.gap.encoded import is_linear
+from interchange.camera import Camera
+from interchange.effects.response_curve import ResponseCurve
 from interchange.problems import BrightfieldError
 
 OVERLAP = 0.2  # least correlation of captures and simulation that a diagnosis can start from
@@ -72,14 +74,29 @@ def notes_on_files(found: Sequence[Condition]) -> list[str]:
     if not few:
         return []
     sensor = few[0].camera.sensor
+    if not is_linear(sensor):
+        dark, bright = _steps(few[0].camera)
+        return [
+            f"8-bit images, by a curve: a step is {dark:.3g} DN of the sensor's {sensor.bit_depth} bits where it is "
+            f"darkest and {bright:.3g} DN where it is brightest; effects below that are not found."
+        ]
     step = (2**sensor.bit_depth - 1) / 255
     out = [
         f"8-bit images: a step is {step:.3g} DN of the sensor's {sensor.bit_depth} bits, rounding alone makes "
         f"{step / 12**0.5:.2g} DN rms, and a black level is known to half a step; effects below that are not found."
     ]
-    if is_linear(sensor):
-        out.append(
-            "8-bit images are often processed (gamma, white balance, sharpening, JPEG): the scene says sensor:response "
-            "linear, and what the camera does to its image counts as an effect here."
-        )
+    out.append(
+        "8-bit images are often processed (gamma, white balance, sharpening, JPEG): the scene says sensor:response "
+        "linear, and what the camera does to its image counts as an effect here."
+    )
     return out
+
+
+def _steps(camera: Camera) -> tuple[float, float]:
+    """Linear DN over which the first step of 8 bits goes above black, and the last below full."""
+    sensor = camera.sensor
+    linear = np.linspace(sensor.black_level, 2**sensor.bit_depth - 1, 16 * 2**sensor.bit_depth)
+    given = ResponseCurve.of(camera).output(linear, sensor.bit_depth, sensor.black_level)
+    given *= 255 / given[-1]
+    first, last = np.interp([given[0] + 1, 254], given, linear)
+    return float(first - linear[0]), float(linear[-1] - last)

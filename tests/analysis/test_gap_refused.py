@@ -1,6 +1,7 @@
 """Captures that the scene does not show, or not enough of it: told, or refused with one clear error."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from analysis.gap.radiance import Rendered
 from interchange.formats import captures as captures_file
 from interchange.formats import images
 from interchange.problems import BrightfieldError, FileError
+from interchange.sensor import Response
 from tests.analysis.gap_bench import HEIGHT, TIMES, WIDTH, Rig
 
 
@@ -84,6 +86,17 @@ def test_8_bit_images_are_compared_in_their_own_steps(rig: Rig) -> None:
     assert "a step is 16.1 DN" in first
     assert "processed" in second
     assert notes_on_files(_found(rig)) == []
+
+
+def test_a_curves_steps_are_told_of_the_dark_and_of_the_bright(rig: Rig) -> None:
+    """sRGB's slope is 12.92 at 0 and 1.055 / 2.4 at 1: steps of 1 / 255 are (2^12 - 1 - black) / 255 over that."""
+    captures = rig.captured("null", ())
+    eight = replace(captures.captures[0], bits=8)
+    (c, *_) = conditions(replace(captures, captures=(eight, *captures.captures[1:])), rig.document)
+    sensor = replace(c.camera.sensor, response=Response.SRGB, output_bit_depth=8, black_level=0.0)
+    (words,) = notes_on_files([replace(c, camera=replace(c.camera, sensor=sensor))])
+    told = [float(x) for x in re.findall(r"([0-9.]+) DN", words)]
+    assert told == pytest.approx([4095 / 255 / 12.92, 4095 / 255 * 2.4 / 1.055], rel=0.02)
 
 
 def test_captures_of_something_else_are_refused(rig: Rig) -> None:
