@@ -84,13 +84,16 @@ def no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
 
 def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Without any cause where all that is called makes the held-out captures surely worse than the file at its best
-    does, or than the file as written: what calibration may be off by was fitted beside them."""
+    does, or than the file as written: what calibration may be off by was fitted beside them. Captures that would not
+    show it either way, as a lamp's that is off in all of them, say nothing of it."""
     kept = called(fitted)
     if not kept:
         return fitted
     written = [c.simulated().dn for c in held]
     before, after = (model.simulations(held) for model in (fitted.before, fitted.after))
     drift = _drift(fitted)
+    if by.claims(before, after, drift)[:, 2].sum() < SEEN:
+        return fitted
     if not any(_surely_worse(by, after, other, drift) for other in (before, written)):
         return fitted
     nothing = fitted.best.of(())

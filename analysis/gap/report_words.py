@@ -20,6 +20,7 @@ LEAST = 0.005  # of a gap, or a probability, that is told as one
 OF_NOISE = (
     "It moves no mean: it is judged on repeats, on what stays at the same pixels, and on which DN occur."
 )
+MOVES_NO_MEAN = {"sensor_noise", "fixed_pattern", "quantization"}
 ALONE = "All pixels of the captures tell it alone, before the fit: nothing was weighed in its place."
 SURE_OF_ITSELF = 5.0  # of log Z: odds that are larger than what a probability is ever told as
 
@@ -40,7 +41,9 @@ def sentence(d: Diagnosis) -> str:
         case "effects":
             if not any(f.share for f in d.effects):
                 stays = f"chi stays at {g.after:.2f}, noise {g.noise_floor:.2f}"
-                return f"There is {names(d.effects)}, which moves no mean: {stays}."
+                noise = {f.name for f in d.effects} <= MOVES_NO_MEAN
+                where = "moves no mean" if noise else "shows in no capture that nothing was fitted to"
+                return f"There is {names(d.effects)}, which {where}: {stays}."
             return f"The gap comes from {names(d.effects)}; adding that closes {closing}."
         case "unknown":
             return f"There is a gap that no effect of the catalogue explains: {d.unknown[0][0]}."

@@ -121,6 +121,15 @@ def test_causes_that_are_worse_than_the_file_as_written_are_none() -> None:
     assert upheld(fitted, by.conditions, by) is fitted
 
 
+def test_captures_that_show_nothing_of_a_cause_do_not_refute_it() -> None:
+    """A lamp that is off in all that were held out: what calibration's errors do to those is not its doing."""
+    by, _, _ = claimed(1.0)
+    capture = by.conditions[0].captures[0].pixels
+    by.conditions[0].simulated = lambda: SimpleNamespace(dn=capture + 4)
+    fitted = standing(Standing(capture + 6), Standing(capture + 6), EFFECT)
+    assert upheld(fitted, by.conditions, by) is fitted
+
+
 @pytest.mark.parametrize(("share", "kept"), [(0.9, True), (0.51, True), (0.3, False)])
 def test_what_the_captures_say_of_a_calibration_is_held_against_the_file_as_written(
     share: float, kept: bool

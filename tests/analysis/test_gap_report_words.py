@@ -104,6 +104,19 @@ def test_a_gap_does_not_close_by_less_than_nothing(share: float, said: str) -> N
     assert said in sentence(d)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"), [("sensor_noise", "moves no mean"), ("shadow", "shows in no capture that nothing")]
+)
+def test_what_closes_nothing_is_told_by_why(name: str, said: str) -> None:
+    """Noise closes nothing anywhere, a shadow where captures that were held out have another lamp."""
+    of = SimpleNamespace
+    effect = Finding(name, 0.9, {}, (), None, 1.03, 1.03, 0.0)
+    d: Any = of(
+        verdict="effects", gap=of(explained=0.0, after=1.03, noise_floor=1.0), effects=[effect], unknown=[]
+    )
+    assert said in sentence(d)
+
+
 def test_the_evidence_of_a_tie_is_that_for_one_of_them() -> None:
     of = SimpleNamespace
     scores = {"exposure": 10.0, "albedo": 9.8, "black_level": 10 - math.log(400)}
