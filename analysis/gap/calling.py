@@ -92,7 +92,7 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     written = [c.simulated().dn for c in held]
     before, after = (model.simulations(held) for model in (fitted.before, fitted.after))
     drift = _drift(fitted)
-    if by.claims(before, after, drift)[:, 2].sum() < SEEN:
+    if _off(by, before, after, drift)[2] < SEEN:
         return fitted
     if not any(_surely_worse(by, after, other, drift) for other in (before, written)):
         return fitted

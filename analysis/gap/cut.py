@@ -29,6 +29,7 @@ WEIGHTS = np.exp(-0.5 * Z**2) / np.exp(-0.5 * Z**2).sum()
 LEAST = 1e-3  # DN, of σ
 BRIGHT = 4096  # nodes of what is bright
 FEW = 8.0  # DN of σ, up to which whole DN are told apart: above, rounding is 1e-3 of the variance
+WHOLE = np.arange(-NEAR * FEW - 1, NEAR * FEW + 2)
 MOST = 2**17  # nodes of an even table: 0.03 DN of 12 bits
 
 
@@ -143,13 +144,13 @@ def _moments(
 
     y, variance = np.empty_like(x), np.empty_like(x)
     few = s < FEW
-    if few.any():
-        codes = np.arange(max(float((x + NEAR * s)[few].max()), 0) + 2)
-        below = ndtr((codes + 0.5 - x[few, None]) / s[few, None])
-        share = np.diff(below, axis=1, prepend=0)
-        given = output(codes)
-        y[few] = share @ given
-        variance[few] = np.maximum(share @ np.square(given) - y[few] ** 2, 0)
+    codes = np.rint(x[few, None]) + WHOLE
+    share = ndtr((codes + 0.5 - x[few, None]) / s[few, None]) - ndtr(
+        (codes - 0.5 - x[few, None]) / s[few, None]
+    )
+    given = output(np.maximum(codes, 0))
+    y[few] = (share * given).sum(axis=1)
+    variance[few] = (share * np.square(given - y[few, None])).sum(axis=1)
     given = output(np.maximum(x[~few, None] + s[~few, None] * Z, 0))
     y[~few] = given @ WEIGHTS
     variance[~few] = np.square(given - y[~few, None]) @ WEIGHTS
