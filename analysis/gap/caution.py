@@ -30,7 +30,7 @@ from scipy.special import expit, gammaln
 
 from analysis.gap.evidence import TAU, Evidence, Hypothesis
 from analysis.gap.normal_equations import NormalEquations, total_of
-from analysis.gap.terms import Cause
+from analysis.gap.terms import LOBES, Cause
 
 TAILS = 16.0  # degrees of freedom
 FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
@@ -38,6 +38,10 @@ FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
 # freedom: of a dozen true ones of opened blind cases less than 0.04 but for three, 0.1, 0.6 and 1.1; of errors that
 # look like one, over what was found
 ALIKE, ALIKE_BY = 0.07, 4.0
+# the same of other lobes, of which a formula says how much each lamp shows: two models that stretch those of
+# a metal block differ by 0.8 of it and more, one standard deviation over lamps (Cx alone for Cx and Cy, Ward's
+# for a cosine's); less, as errors that look like one differ by 1
+LOBES_ALIKE = 0.4
 FOUND, FOUND_BY = 1.0, 2.0
 LIKELY = 2.0
 SHOWS = 1e-3  # of the condition that shows a cause best: one that shows it less does not
@@ -78,13 +82,14 @@ def cautions(
     out = {}
     for c in h.causes:
         s, by_chance, n = spread(plain, h, c, parts, left_out)
-        ratio = agreement(s, n, by_chance) if np.isfinite(s) else np.inf
+        alike = LOBES_ALIKE if c[0] in LOBES else ALIKE
+        ratio = agreement(s, n, by_chance, alike) if np.isfinite(s) else np.inf
         most, something = float(expit(ratio - LIKELY)), float(expit(ratio))
         out[c] = Caution(tail(evidence, declared, h, c), s, most, something, by_chance)
     return out
 
 
-def agreement(s: float, n: int, by_chance: float = 0.0) -> float:
+def agreement(s: float, n: int, by_chance: float = 0.0, alike: float = ALIKE) -> float:
     """Log of how much likelier n conditions' amounts, whose mean has the relative standard deviation s, are where the
     effect is there than where errors look like it; ``by_chance``: s as noise and tolerances alone would have it."""
     squares, more = n * (n - 1) * s**2, n * by_chance**2
@@ -94,7 +99,7 @@ def agreement(s: float, n: int, by_chance: float = 0.0) -> float:
         known = gammaln((by + free) / 2) - gammaln(by / 2) + 0.5 * by * np.log(prior)
         return float(known - 0.5 * (by + free) * np.log(prior + about) - 0.5 * free * np.log(np.pi))
 
-    there = log_density(squares, n - 1, ALIKE, ALIKE_BY) - 0.5 * np.log(n)
+    there = log_density(squares, n - 1, alike, ALIKE_BY) - 0.5 * np.log(n)
     return float(there - log_density(squares + n, n, FOUND, FOUND_BY))
 
 

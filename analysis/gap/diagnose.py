@@ -29,6 +29,7 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.notes import notes
 from analysis.gap.parallel import one_thread
 from analysis.gap.radiance import Render, Rendered, render_all
+from analysis.gap.reflections import Reflections
 from analysis.gap.rehearsing import rehearse
 from analysis.gap.shape_left import shape_left
 from analysis.gap.shrinkage import yardstick
@@ -93,7 +94,10 @@ def diagnose(
     first = beforehand(captures, document, binning, drawn)
     whole, tolerances = first.conditions, first.captures.tolerances
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
-    knots = Knots(cache)  # what effects of the scene change is asked for as long as the fit is used
+    paths = Reflections(render, settings, cache) if settings.get("indirect") else None
+    knots = Knots(
+        cache, reflections=paths
+    )  # what effects of the scene change is asked for as long as the fit is used
 
     as_rendered = {c.name: c.shown for c in evened}
 

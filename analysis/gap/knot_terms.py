@@ -33,14 +33,15 @@ from interchange.parameter import ParameterError
 
 STANDS = 2.0  # times the tolerance of an object's place: how far it may stand off
 LEAST_PIXELS = 200  # that a material or an object must cover, of an image of 480 x 360
+MOST_TRACED = 4  # materials whose lobes are looked at by way of other surfaces, too: those of most pixels
 MOST_OBJECTS = 6  # that are moved and resized by renderings: the largest in the image
 TILTS = ("rx", "ry")  # as where a chip lies under it
 MOST_GROUPS = 2  # of objects that are one
 GROUND = 0.35  # share of the image above which an object is what the others stand on
 SIZE = 0.02  # growth of a lamp's half width, over its distance from the scene's middle
-STEP = 0.1  # of gloss
+STEPS = {"width": 0.1, "level": 0.1, "ratio": 0.2, "diagonal": 0.2, "split": 0.02, "cross": 0.02}
+STANDS_AT = 0.25  # steps of anisotropy: what a grain does that runs aslant is told where it runs
 OFFSET = 0.1  # mm, of the step that what stands off its ground is told by
-RATIO, SPLIT = 0.2, 0.02  # of anisotropy
 MOVED = 2.0  # mm, of the step that a lamp's place is told by
 OUTLINE = 0.3  # px that the step of an object's place or size moves its outline by
 LINEAR = 0.1  # px that an outline moves by before it is drawn anew
@@ -123,11 +124,13 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
     seen = covered(conditions, "material_id")
     terms: list[Term] = []
     shiny = [n for n, m in materials.items() if has_lobes(m.brdf)]
+    traced = sorted(shiny, key=lambda n: -seen.get(n, 0.0))[:MOST_TRACED]
 
     def term(cause: str, name: str, parameter: str, step: float, spike: float, together: bool) -> Term:
         field = rendered(
-            knots, cause, name, parameter, step, together=together, material=name, among=shiny, sizes=sizes
-        )
+            knots, cause, name, parameter, step, together=together, material=name, among=shiny, sizes=sizes,
+            both_ways=parameter in ("diagonal", "cross"), by_way=name in traced,
+        )  # fmt: skip
         start = float(getattr(MODELS[cause](), parameter))
         return Term(cause, name, parameter, "1", spike, field, start=start, kind="scene", step=abs(step))
 
@@ -139,10 +142,9 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
         # a grain runs along the tangent or any other way: both of its parts, where nothing else turns with it
         turns = materials[name].normal_map is None and is_isotropic(materials[name].brdf)
         ways = ("split", "cross") if isinstance(materials[name].brdf, Lafortune) else ("ratio", "diagonal")
-        step = SPLIT if isinstance(materials[name].brdf, Lafortune) else RATIO
         for way in ways if turns else ways[:1]:  # no tolerance speaks of it
-            told = term("anisotropy", name, way, step, EDGED * t.flat_field / np.sqrt(2), True)
-            terms.append(replace(told, relative=True))
+            told = term("anisotropy", name, way, STEPS[way], EDGED * t.flat_field / np.sqrt(2), True)
+            terms.append(replace(told, relative=True, stands_at=STANDS_AT))
     return terms
 
 
@@ -150,14 +152,14 @@ def _step(material: Material, parameter: str) -> float:
     """As far as the model's bounds allow, up or else down."""
     from interchange.effects.shine import shone
 
-    for step in (STEP, -STEP):
+    for step in (STEPS[parameter], -STEPS[parameter]):
         width, level = (1 + step, 1.0) if parameter == "width" else (1.0, 1 + step)
         try:
             shone(material, width, width, level)
         except ParameterError:
             continue
         return step
-    return STEP
+    return STEPS[parameter]
 
 
 def _objects(conditions: Sequence[Condition], t: Tolerances, knots: Knots, sizes: Sizes) -> list[Term]:

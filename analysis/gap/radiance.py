@@ -25,6 +25,7 @@ from analysis.gap.reflected import finely
 from analysis.gap.room import COARSER, DOME, coarsely, leanings, share_of
 from interchange.camera import Camera
 from interchange.effects import Effect
+from interchange.effects.parts import has
 from interchange.filtering import Edges, edges
 from interchange.image import Image
 from interchange.light import Light
@@ -146,6 +147,14 @@ def weighted(plane: np.ndarray, weight: np.ndarray) -> np.ndarray:
     h, w, _ = plane.shape
     row = np.tile(weight.astype(np.float32), w)
     return np.asarray((plane.reshape(h, -1) * row).reshape(h, w, 3))
+
+
+def changed(scene: Scene, effects: Changes) -> Scene:
+    """The scene with ``effects``, one after the other; what is never on, or not there yet, changes nothing."""
+    for effect, target in effects:
+        if has(scene, target):
+            scene = effect.on_scene(scene, target)
+    return scene
 
 
 def fineness(camera: Camera) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from analysis.gap.knots import changed, lit_by, part_of
+from analysis.gap.knots import lit_by, part_of
 from analysis.gap.named import drawn, fingerprint, kept_on_disk
 from analysis.gap.radiance import (
     FINE,
@@ -21,6 +21,7 @@ from analysis.gap.radiance import (
     Paths,
     Render,
     Rendered,
+    changed,
     finely_lit,
     pixels,
     render_all,

@@ -16,17 +16,17 @@ from analysis.gap.conditions import Condition
 from analysis.gap.evidence import Evidence, Hypothesis
 from analysis.gap.form_terms import Change, doubt, form_terms
 from analysis.gap.hypotheses import best_first
-from analysis.gap.knots import Knots, changed
+from analysis.gap.knots import Knots
 from analysis.gap.model import Model
 from analysis.gap.moved import moved
 from analysis.gap.normal_equations import NormalEquations, equations, stride_for, total_of
 from analysis.gap.parallel import each
-from analysis.gap.radiance import Changes
+from analysis.gap.radiance import Changes, changed
 from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.stand import WAVERS, Stand, Start
 from analysis.gap.subpixel_terms import straight
-from analysis.gap.terms import NUISANCE, Cause, Term
+from analysis.gap.terms import LOBES, NUISANCE, Cause, Term
 from interchange.problems import BrightfieldError
 
 R = TypeVar("R")
@@ -283,7 +283,7 @@ class Search:
             at = straight(self.terms, at)
             scene = [i for i in index if self.terms[i].kind == "scene"]
             away = max((abs(theta[i]) / self.terms[i].step for i in scene), default=0.0)
-            if away > 1:
+            if any(abs(theta[i]) > self.terms[i].stands_at * self.terms[i].step for i in scene):
                 rendered.append((away, scene))
         for _, scene in sorted(rendered, key=lambda x: -x[0])[:MOST_RENDERED]:
             there = at.copy()
@@ -296,14 +296,14 @@ class Search:
 
     def far(self, stand: Stand) -> Changes:
         """What is in force in the scene at a stand and no longer small, if the stand has something beside it: that may
-        be what light does between surfaces."""
+        be what light does between surfaces. Of other lobes it is a large part, whatever is beside them."""
         moved = {
             t.candidate
             for t, x in zip(self.terms, stand.at, strict=False)
-            if t.kind == "scene" and abs(x) > FAR * t.step
+            if t.kind == "scene" and abs(x) > min(FAR, t.stands_at) * t.step
         }
         if len(stand.best.causes) < 2:
-            return ()
+            moved = {c for c in moved if c[0] in LOBES}
         scene = self.model(stand.at, stand.at).scene
         return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
 

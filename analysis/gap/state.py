@@ -10,7 +10,8 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.expected import Expected, dn_per_radiance, mean_dn
 from analysis.gap.fine_optics import FineOptics, told_apart
-from analysis.gap.knots import Change, Knots
+from analysis.gap.knots import Knots
+from analysis.gap.light_change import Change
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Changes, Rendered, weighted
 from analysis.gap.views import Views, Way, seen
@@ -53,7 +54,11 @@ class State:
             def drawn(end: Changes) -> Change:
                 return knots.step(origin, end) if origin else knots.change(condition.shown, end)
 
-            changes = tuple((sign, drawn(end)) for sign, end in ends if end)
+            changes = tuple((sign, drawn(end)) for sign, end in ends if end) + tuple(
+                (sign * share, part)
+                for sign, end in ends
+                for share, part in knots.by_way_of_surfaces(origin or condition.shown, end)
+            )
         self._changes = changes
         self.optics, self.plain, self._rest = self._told_apart(self.effects)
         self.views = self._seen(self.optics)

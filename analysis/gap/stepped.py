@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.gap.filters import offsets
-from analysis.gap.knots import Change, Knots
+from analysis.gap.knots import Knots
+from analysis.gap.light_change import Change
 from analysis.gap.mounts import ALL
-from analysis.gap.radiance import Changes, means
+from analysis.gap.radiance import Changes, Rendered, means
 from analysis.gap.state import State
 from analysis.gap.terms import Field
 from analysis.gap.views import placed
@@ -40,18 +41,30 @@ def rendered(
     material: str = "",
     among: Sequence[str] = (),
     sizes: Sizes,
+    both_ways: bool = False,
+    by_way: bool = False,
 ) -> Field:
     """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
     scene stands ``FAR`` steps away, from there.
 
     ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamps``'
     or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
-    of this one. ``sizes``: the steps of all parameters, which this one's is added to.
+    of this one. ``sizes``: the steps of all parameters, which this one's is added to. ``both_ways``: by as much less of
+    it, too, as what either way does alike is no part of a unit. ``by_way``: with what it changes of the light that
+    other surfaces give.
     """
     start = float(getattr(MODELS[cause](), parameter))
     unit = parameters(MODELS[cause])[parameter].unit
-    once = ((MODELS[cause](**{parameter: start + step}), "" if together else target),)
+    once, less = (
+        ((MODELS[cause](**{parameter: start + x}), "" if together else target),)
+        for x in (step, -step if both_ways else step)
+    )
     sizes.setdefault((cause, target), {})[parameter] = abs(step)
+
+    def bounced(s: State, drawn: Rendered, weights: dict[str, np.ndarray]) -> np.ndarray | float:
+        own = next((e for e, t in s.scene if e.name() == cause and t == target), MODELS[cause]())
+        parts = knots.reflected_step(drawn, own, target, parameter) if by_way else ()
+        return in_dn(s, np.sum([w * there(s, x, weights) for w, x in parts], axis=0), 1.0) if parts else 0.0
 
     def field(s: State) -> np.ndarray | None:
         home = s.condition.shown
@@ -73,15 +86,18 @@ def rendered(
                     _more(here, cause, moved, parameter, -further) if step < 0 else here
                 )  # inwards alone is half of it
                 further_on, before = (there(s, knots.step(drawn, x), weights) for x in (more, back))
-                return in_dn(s, further_on - before, 2 * further if step < 0 else further)
+                direct = in_dn(s, further_on - before, 2 * further if step < 0 else further)
+                return direct + bounced(s, drawn, weights)
             except BrightfieldError:  # at the end of what it may be: what it does at home has to do
                 pass
         out = in_dn(s, there(s, knots.step(drawn, once), weights), step)
+        if both_ways:
+            out = 0.5 * (out - in_dn(s, there(s, knots.step(drawn, less), weights), step))
         if material:
             names = s.shown.scene.material_names
             others = [names.index(n) for n in among if n != material and n in names]
             out = out * ~np.isin(s.take(s.shown.passes["material_id"]), others)[..., None]
-        return out
+        return out + bounced(s, drawn, weights)
 
     return field
 

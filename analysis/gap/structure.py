@@ -15,7 +15,8 @@ answers of a rehearsal set of 76 cases of five scenes (forms and errors by someb
 cases outside the catalogue 8 to 1300 times. From 4.1 times on it is called; it was 5.3 before channels had black levels
 and flat fields of their own, when nulls of three sealed sets left 0.35 to 3.4 times E and 31 such cases 3.0 to 395. On
 the sealed set 2026-11-25t, which came after, 19 nulls left 0.3 to 3.2 times E and 14 such cases 3.5 to 290.
-What effects that are strong leave by their formulas, ``FORMS`` of what they take off, is none of it.
+What effects that are strong leave by their formulas, ``FORMS`` of what they take off, is none of it; of other lobes
+that is as much as two models of them differ by (analysis.gap.caution).
 """
 
 from collections.abc import Sequence

@@ -16,6 +16,7 @@ from interchange.parameter import parameters
 
 NUISANCE = "calibration"  # terms of this cause are never wide
 FORM = "form"  # nor these: how an effect may differ from its formula
+LOBES = ("gloss", "anisotropy")  # effects that change them
 
 Cause = tuple[str, str]  # an effect or a family, and what it is of
 Field = Callable[[State], np.ndarray | None]
@@ -66,6 +67,7 @@ class Term:
         0.0  # s: the exposure that the parameter is told at, where it grows with it; 0 where it does not
     )
     step: float = 0.0
+    stands_at: float = 1.0  # steps from home, from which on it is drawn where it is
     family: Family | None = None
     cell: int = 0
     part: float = 1.0

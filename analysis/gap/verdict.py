@@ -15,6 +15,7 @@ from analysis.gap.calling import (
     only_called,
     upheld,
 )
+from analysis.gap.caution import LOBES_ALIKE
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
@@ -22,7 +23,8 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.pixel_map import PixelMaps, pixel_maps
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
-from analysis.gap.structure import Structure, structure
+from analysis.gap.structure import FORMS, Structure, structure
+from analysis.gap.terms import LOBES, Cause
 from interchange.problems import BrightfieldError
 
 
@@ -114,8 +116,19 @@ def further(v: Verdict, off: Sequence[np.ndarray]) -> Verdict:
 
 
 def _removed(v: Verdict) -> float:
-    """Mean χ² that effects with a name take off."""
-    return v.gap.before**2 - v.gap.after**2
+    """Mean χ² that effects with a name take off; that of other lobes as many times as their formulas may leave more of
+    it than others'."""
+    kept = called(v.fitted)
+    lobes = [c for c in kept if c[0] in LOBES]
+    share = _changed(v.fitted, lobes) / max(_changed(v.fitted, kept), 1e-30) if lobes else 0.0
+    return (v.gap.before**2 - v.gap.after**2) * (1 + share * (LOBES_ALIKE**2 / FORMS - 1))
+
+
+def _changed(fitted: Fit, causes: Sequence[Cause]) -> float:
+    """σ²: what the causes change, each by itself."""
+    e, theta = fitted.evidence.e, fitted.after.theta
+    own = [fitted.evidence.members[c] for c in causes]
+    return sum(float(theta[i] @ e.G[np.ix_(i, i)] @ theta[i]) for i in own)
 
 
 def _told(

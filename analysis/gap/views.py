@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.gap.filters import at_filters
 from analysis.gap.fine_optics import SHARP, Blur, blurred
-from analysis.gap.knots import Change
+from analysis.gap.light_change import Change
 from analysis.gap.parallel import own_property
 from analysis.gap.radiance import Rendered, means, pixels, single
 from interchange.filtering import Edges, resample, resample_cells

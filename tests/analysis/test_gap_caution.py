@@ -13,6 +13,8 @@ from analysis.gap.caution import (
     ALIKE_BY,
     FOUND,
     FOUND_BY,
+    LIKELY,
+    LOBES_ALIKE,
     TAILS,
     Caution,
     LeftOut,
@@ -316,6 +318,9 @@ def test_agreement_is_the_ratio_of_what_conditions_show_under_both(by_chance: fl
     assert 2.0 < agreement(0.1, 2) < agreement(0.1, 7)
     assert agreement(0.6, 2) < 0 < agreement(0.2, 2)
     assert agreement(0.25, 9) < 0 < 3 < agreement(0.25, 9, 0.2)  # a weak effect is as uncertain as that
+    # other lobes show as much of themselves under each lamp as a formula says
+    assert agreement(0.29, 9) < LIKELY < agreement(0.29, 9, alike=LOBES_ALIKE)
+    assert agreement(1.0, 9, alike=LOBES_ALIKE) < 0
 
 
 def test_what_is_called_needs_no_caution() -> None:

@@ -9,6 +9,7 @@ import pytest
 from analysis.gap import verdict as module
 from analysis.gap.attribution import called
 from analysis.gap.fit import Fit
+from analysis.gap.structure import FORMS
 from analysis.gap.verdict import Verdict, verdict
 from tests.analysis.test_gap_called import A, B, _fit
 
@@ -75,3 +76,13 @@ def test_all_that_is_called_and_outweighs_it_is_looked_at_once(left: list[float]
     assert called(found.fitted) == [A, B]
     assert found.fitted.after is fitted.after
     assert np.all([0.85 < p < 0.95 for p in found.fitted.probability.values()])
+
+
+def test_formulas_of_lobes_may_leave_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of half of what is changed, 0.16 for 0.05, and no more than 0.05 of what no lobes are."""
+    fitted = _fit(0.95, 0.9)
+    seen = Verdict(fitted, [], [], None, None, None, SimpleNamespace(before=1.2, after=1.0), None, 1.0, 0.0)  # type: ignore[arg-type]
+    assert module._removed(seen) == pytest.approx(0.44)
+    monkeypatch.setattr(module, "LOBES", (A[0],))
+    share = _own(fitted, 0) / (_own(fitted, 0) + _own(fitted, 1))
+    assert FORMS * module._removed(seen) == pytest.approx(0.44 * (0.16 * share + FORMS * (1 - share)))
