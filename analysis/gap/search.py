@@ -26,7 +26,7 @@ from analysis.gap.scales import Shares, Widths
 from analysis.gap.sensitivities import Sensitivities, sensitivities
 from analysis.gap.stand import WAVERS, Stand, Start
 from analysis.gap.subpixel_terms import straight
-from analysis.gap.terms import LOBES, NUISANCE, Cause, Term
+from analysis.gap.terms import NUISANCE, Cause, Term
 from interchange.problems import BrightfieldError
 
 R = TypeVar("R")
@@ -41,6 +41,7 @@ PLACES = 10  # to a step where the scene may stand, so that renderings are found
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
+ANISOTROPY = "anisotropy"
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
 Passed = dict[frozenset[Cause], list[np.ndarray]]  # where hypotheses of these causes were linearised
 
@@ -296,14 +297,14 @@ class Search:
 
     def far(self, stand: Stand) -> Changes:
         """What is in force in the scene at a stand and no longer small, if the stand has something beside it: that may
-        be what light does between surfaces. Of other lobes it is a large part, whatever is beside them."""
+        be what light does between surfaces. Of an anisotropy it is a large part, whatever is beside it."""
         moved = {
             t.candidate
             for t, x in zip(self.terms, stand.at, strict=False)
             if t.kind == "scene" and abs(x) > min(FAR, t.stands_at) * t.step
         }
         if len(stand.best.causes) < 2:
-            moved = {c for c in moved if c[0] in LOBES}
+            moved = {c for c in moved if c[0] == ANISOTROPY}
         scene = self.model(stand.at, stand.at).scene
         return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
 

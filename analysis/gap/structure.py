@@ -16,7 +16,7 @@ cases outside the catalogue 8 to 1300 times. From 4.1 times on it is called; it 
 and flat fields of their own, when nulls of three sealed sets left 0.35 to 3.4 times E and 31 such cases 3.0 to 395. On
 the sealed set 2026-11-25t, which came after, 19 nulls left 0.3 to 3.2 times E and 14 such cases 3.5 to 290.
 What effects that are strong leave by their formulas, ``FORMS`` of what they take off, is none of it; of other lobes
-that is as much as two models of them differ by (analysis.gap.caution).
+it is ``FORMS_OF_LOBES``: lamps show as much of them as a formula says (analysis.gap.caution).
 """
 
 from collections.abc import Sequence
@@ -37,6 +37,7 @@ STEPS = (1, 2, 4, 8)  # px
 FEWEST = 2000  # pairs of values of all conditions: their mean product is known to 0.02 of σ² or better
 AT = STEPS.index(2)  # a pixel further than what a lens or an interpolation shares
 FORMS = 0.05  # of what effects with a name take off, that their formulas may leave
+FORMS_OF_LOBES = 0.16  # the same of other lobes: amounts that differ from lamp to lamp by 0.4 leave so much
 USUAL, USUALLY = 0.1, 0.5  # log of S over E where there is no effect: mean and standard deviation
 CAUSED, LARGELY = 2.3, 1.2  # the same where something without a name is left
 

@@ -15,7 +15,6 @@ from analysis.gap.calling import (
     only_called,
     upheld,
 )
-from analysis.gap.caution import LOBES_ALIKE
 from analysis.gap.conditions import Condition
 from analysis.gap.diagnosis import PRESENT
 from analysis.gap.fit import Fit
@@ -23,7 +22,7 @@ from analysis.gap.noise_finding import NoiseFinding
 from analysis.gap.normal_equations import SIGNAL
 from analysis.gap.pixel_map import PixelMaps, pixel_maps
 from analysis.gap.shrinkage import Gap, Yardstick, gap, yardstick
-from analysis.gap.structure import FORMS, Structure, structure
+from analysis.gap.structure import FORMS, FORMS_OF_LOBES, Structure, structure
 from analysis.gap.terms import LOBES, Cause
 from interchange.problems import BrightfieldError
 
@@ -121,7 +120,7 @@ def _removed(v: Verdict) -> float:
     kept = called(v.fitted)
     lobes = [c for c in kept if c[0] in LOBES]
     share = _changed(v.fitted, lobes) / max(_changed(v.fitted, kept), 1e-30) if lobes else 0.0
-    return (v.gap.before**2 - v.gap.after**2) * (1 + share * (LOBES_ALIKE**2 / FORMS - 1))
+    return (v.gap.before**2 - v.gap.after**2) * (1 + share * (FORMS_OF_LOBES / FORMS - 1))
 
 
 def _changed(fitted: Fit, causes: Sequence[Cause]) -> float:
