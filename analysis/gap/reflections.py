@@ -3,8 +3,9 @@
 A difference of direct light (analysis.gap.knots) has none of it; in a milled block it is two thirds as much, squared,
 as what an anisotropy changes directly. It is told by two renderings with the same paths, on a grid of some thousand
 pixels, laid onto the surfaces (analysis.gap.room.coarsely), at knots of a parameter; in between it is on straight
-lines from one to the next. What a width and a level change adds up. An anisotropy is told by the ways that its grain
-may run: on what stands upright a grain that is laid from above runs level whichever way it does (interchange.mesh).
+lines from one to the next. What a width changes is as much as there is of the lobes, their level. An anisotropy is
+told by the ways that its grain may run: on what stands upright a grain that is laid from above runs level whichever
+way it does (interchange.mesh).
 """
 
 from collections.abc import Callable
@@ -54,9 +55,8 @@ class Reflections:
         out: list[tuple[float, Change]] = []
         for effect, target in effects:
             if isinstance(effect, Gloss):
-                for parameter, step in STEPS.items():
-                    if x := getattr(effect, parameter) - 1.0:
-                        out += times(x, self._secant(shown, partial(_gloss, parameter), target, x, step))
+                out += self._of_gloss(shown, "level", effect, target)
+                out += times(effect.level, self._of_gloss(shown, "width", effect, target))
             elif isinstance(effect, Anisotropy):
                 for along, step in STRETCHED.items():
                     x, y = _stretched(effect, along)
@@ -70,7 +70,10 @@ class Reflections:
         has none: the one and the other way come to the same on what stands upright."""
         if isinstance(effect, Gloss):
             x = getattr(effect, parameter) - 1.0
-            return self._tangent(shown, partial(_gloss, parameter), target, x, STEPS[parameter])
+            own = self._tangent(shown, partial(_gloss, parameter), target, x, STEPS[parameter])
+            if parameter == "width":
+                return times(effect.level, own)
+            return (*own, *self._of_gloss(shown, "width", effect, target))
         along = parameter if parameter in ASLANT else next(a for a, b in ASLANT.items() if b == parameter)
         assert isinstance(effect, Anisotropy)
         x, y = _stretched(effect, along)
@@ -85,6 +88,12 @@ class Reflections:
             stretched = partial(_anisotropy, along, way)
             out += times(share * unit, self._secant(shown, stretched, target, r, STRETCHED[along]))
         return tuple(out)
+
+    def _of_gloss(self, shown: Rendered, parameter: str, effect: Gloss, target: str) -> Weighted:
+        x = getattr(effect, parameter) - 1.0
+        if not x:
+            return ()
+        return times(x, self._secant(shown, partial(_gloss, parameter), target, x, STEPS[parameter]))
 
     def _secant(self, shown: Rendered, of: Knot, target: str, x: float, step: float) -> Weighted:
         """A unit's part of what ``x`` from home changes."""

@@ -85,9 +85,9 @@ def test_at_a_knot_it_is_what_paths_have_there(condition, reflections, rasterize
     """A level is linear in the light that bounces once, as here: by its own value, whatever the knots, within what a
     grid three times coarser blurs (a tenth of the change's rms)."""
     shown = condition.shown
-    for level in (1.1, 1.15, 1.3, 0.8):
-        said = _added(shown, reflections.changes(shown, ((Gloss(level=level), METAL),)))
-        scenes = shown.scene, Gloss(level=level).on_scene(shown.scene, METAL)
+    for gloss in (Gloss(level=1.1), Gloss(level=1.3), Gloss(level=0.8), Gloss(level=0.25, width=1.4)):
+        said = _added(shown, reflections.changes(shown, ((gloss, METAL),)))
+        scenes = shown.scene, gloss.on_scene(shown.scene, METAL)
         before, after = (rasterizer.render(s, shown.camera, (), False, SPOTS).pixels for s in scenes)
         real = BOUNCED * (after - before)
         assert float((said * real).sum() / (real**2).sum()) == pytest.approx(1, abs=0.05)
@@ -99,6 +99,8 @@ def test_at_a_knot_it_is_what_paths_have_there(condition, reflections, rasterize
     [
         (Gloss(width=1.05), "width", Gloss(width=1.07)),
         (Gloss(width=1.44), "width", Gloss(width=1.46)),
+        (Gloss(width=0.7, level=0.3), "width", Gloss(width=0.71, level=0.3)),
+        (Gloss(width=0.7, level=0.3), "level", Gloss(width=0.7, level=0.31)),
         (Anisotropy(), "split", Anisotropy(split=0.01)),
         (Anisotropy(split=0.03, cross=0.02), "split", Anisotropy(split=0.031, cross=0.02)),
         (Anisotropy(split=-0.01, cross=0.02), "cross", Anisotropy(split=-0.01, cross=0.021)),
