@@ -38,8 +38,8 @@ FARTHEST, RUNGS = 6.0, 8  # of κ: what is further off is an effect
 # freedom: of a dozen true ones of opened blind cases less than 0.04 but for three, 0.1, 0.6 and 1.1; of errors that
 # look like one, over what was found
 ALIKE, ALIKE_BY = 0.07, 4.0
-# the same of other lobes, of which a formula says how much each lamp shows: two models that stretch those of a metal
-# block differ by so much and more, one standard deviation over lamps (Cx alone for Cx and Cy, Ward's for a cosine's)
+# the same of other lobes, of which a formula says how much each lamp shows: C of one axis alone for both of a metal
+# block differs by so much and more, one standard deviation over lamps (tests/analysis/test_gap_agreement.py)
 LOBES_ALIKE = 0.8
 FOUND, FOUND_BY = 1.0, 2.0
 LIKELY = 2.0

@@ -94,10 +94,8 @@ def diagnose(
     first = beforehand(captures, document, binning, drawn)
     whole, tolerances = first.conditions, first.captures.tolerances
     evened, lines = without_lines(without_flat_tops(whole))  # a flat top would be taken for a response curve
-    paths = Reflections(render, settings, cache) if settings.get("indirect") else None
-    knots = Knots(
-        cache, reflections=paths
-    )  # what effects of the scene change is asked for as long as the fit is used
+    reflections = Reflections(render, settings, cache) if settings.get("indirect") else None
+    knots = Knots(cache, reflections=reflections)  # asked for as long as the fit is used
 
     as_rendered = {c.name: c.shown for c in evened}
 

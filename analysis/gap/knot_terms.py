@@ -129,7 +129,7 @@ def _materials(conditions: Sequence[Condition], t: Tolerances, knots: Knots, siz
     def term(cause: str, name: str, parameter: str, step: float, spike: float, together: bool) -> Term:
         field = rendered(
             knots, cause, name, parameter, step, together=together, material=name, among=shiny, sizes=sizes,
-            both_ways=parameter in ("diagonal", "cross"), by_way=name in traced,
+            both_ways=parameter in ("diagonal", "cross"), reflected=name in traced,
         )  # fmt: skip
         start = float(getattr(MODELS[cause](), parameter))
         return Term(cause, name, parameter, "1", spike, field, start=start, kind="scene", step=abs(step))

@@ -64,7 +64,7 @@ class Knots:
         """The same, as fine as a sensitivity needs it."""
         return self._kept(shown, effects, 0.0, SENSITIVE)
 
-    def by_way_of_surfaces(self, shown: Rendered, effects: Changes) -> Weighted:
+    def reflected_change(self, shown: Rendered, effects: Changes) -> Weighted:
         """What ``effects`` add to the light that was reflected, beside ``change``."""
         return self.reflections.changes(shown, effects) if self.reflections and shown.indirect else ()
 

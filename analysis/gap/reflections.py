@@ -1,7 +1,7 @@
 """What other lobes change of the light that comes by way of surfaces: a pocket in polished metal shows its walls.
 
-A difference of direct light (analysis.gap.knots) has none of it; in a milled block it is two thirds as much, squared,
-as what an anisotropy changes directly. It is told by two renderings with the same paths, on a grid of some thousand
+A difference of direct light (analysis.gap.knots) has none of it; of a milled block's anisotropy it is all that some
+lamps show (docs/diagnosis_method.md). It is told by two renderings with the same paths, on a grid of some thousand
 pixels, laid onto the surfaces (analysis.gap.room.coarsely), at knots of a parameter; in between it is on straight
 lines from one to the next. What a width changes is as much as there is of the lobes, their level. An anisotropy is
 told by the ways that its grain may run: on what stands upright a grain that is laid from above runs level whichever

@@ -41,7 +41,6 @@ PLACES = 10  # to a step where the scene may stand, so that renderings are found
 SHORTEST = 0.2  # part of a step
 FOLLOWED = ("chain", "flow", "scene", "reflected")  # kinds of terms that are drawn anew where they stand
 REGISTERED_WITH = ("light_intensity", "albedo")  # what edges' heights depend on
-ANISOTROPY = "anisotropy"
 RIGID = ("camera_pose", "principal_point", "object_pose")  # what moves without another shape
 Passed = dict[frozenset[Cause], list[np.ndarray]]  # where hypotheses of these causes were linearised
 
@@ -297,14 +296,13 @@ class Search:
 
     def far(self, stand: Stand) -> Changes:
         """What is in force in the scene at a stand and no longer small, if the stand has something beside it: that may
-        be what light does between surfaces. Of an anisotropy it is a large part, whatever is beside it."""
+        be what light does between surfaces; what stands soon is that alone, too."""
+        beside = len(stand.best.causes) > 1
         moved = {
             t.candidate
             for t, x in zip(self.terms, stand.at, strict=False)
-            if t.kind == "scene" and abs(x) > min(FAR, t.stands_at) * t.step
+            if t.kind == "scene" and (beside or t.stands_at < FAR) and abs(x) > min(FAR, t.stands_at) * t.step
         }
-        if len(stand.best.causes) < 2:
-            moved = {c for c in moved if c[0] == ANISOTROPY}
         scene = self.model(stand.at, stand.at).scene
         return tuple((e, target) for e, target in scene if (e.name(), target) in moved)
 

@@ -57,7 +57,7 @@ class State:
             changes = tuple((sign, drawn(end)) for sign, end in ends if end) + tuple(
                 (sign * share, part)
                 for sign, end in ends
-                for share, part in knots.by_way_of_surfaces(origin or condition.shown, end)
+                for share, part in knots.reflected_change(origin or condition.shown, end)
             )
         self._changes = changes
         self.optics, self.plain, self._rest = self._told_apart(self.effects)

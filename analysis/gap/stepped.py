@@ -42,7 +42,7 @@ def rendered(
     among: Sequence[str] = (),
     sizes: Sizes,
     both_ways: bool = False,
-    by_way: bool = False,
+    reflected: bool = False,
 ) -> Field:
     """DN a unit of an effect's parameter, about ``target``, told by a rendering with ``step`` more of it; where the
     scene stands ``FAR`` steps away, from there.
@@ -50,7 +50,7 @@ def rendered(
     ``together``: the step is taken of all targets at once, one rendering for all, and the part of it that is ``lamps``'
     or ``material``'s is the term's. ``among``: materials that it changes then; pixels of all others may show the edge
     of this one. ``sizes``: the steps of all parameters, which this one's is added to. ``both_ways``: by as much less of
-    it, too, as what either way does alike is no part of a unit. ``by_way``: with what it changes of the light that
+    it, too, as what either way does alike is no part of a unit. ``reflected``: with what it changes of the light that
     other surfaces give.
     """
     start = float(getattr(MODELS[cause](), parameter))
@@ -63,7 +63,7 @@ def rendered(
 
     def bounced(s: State, drawn: Rendered, weights: dict[str, np.ndarray]) -> np.ndarray | float:
         own = next((e for e, t in s.scene if e.name() == cause and t == target), MODELS[cause]())
-        parts = knots.reflected_step(drawn, own, target, parameter) if by_way else ()
+        parts = knots.reflected_step(drawn, own, target, parameter) if reflected else ()
         return in_dn(s, np.sum([w * there(s, x, weights) for w, x in parts], axis=0), 1.0) if parts else 0.0
 
     def field(s: State) -> np.ndarray | None:

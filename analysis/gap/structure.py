@@ -37,7 +37,9 @@ STEPS = (1, 2, 4, 8)  # px
 FEWEST = 2000  # pairs of values of all conditions: their mean product is known to 0.02 of σ² or better
 AT = STEPS.index(2)  # a pixel further than what a lens or an interpolation shares
 FORMS = 0.05  # of what effects with a name take off, that their formulas may leave
-FORMS_OF_LOBES = 0.16  # the same of other lobes: amounts that differ from lamp to lamp by 0.4 leave so much
+FORMS_OF_LOBES = (
+    0.16  # of other lobes; amounts that differ by 0.8 from lamp to lamp would leave four times as much
+)
 USUAL, USUALLY = 0.1, 0.5  # log of S over E where there is no effect: mean and standard deviation
 CAUSED, LARGELY = 2.3, 1.2  # the same where something without a name is left
 

@@ -5,16 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import expit, logsumexp
-from scipy.stats import invgamma, norm, t
+from scipy.stats import norm, t
 
 from analysis.gap.calling import beside_left_over
 from analysis.gap.caution import (
-    ALIKE,
-    ALIKE_BY,
-    FOUND,
-    FOUND_BY,
-    LIKELY,
-    LOBES_ALIKE,
     TAILS,
     Caution,
     LeftOut,
@@ -294,33 +288,6 @@ def test_that_there_is_something_is_no_surer_than_conditions_make_it() -> None:
     odds = np.exp(agreement(caution.spread, 6, caution.chance))
     assert caution.something == pytest.approx(odds / (1 + odds))
     assert caution.most < caution.something < 0.1
-
-
-@pytest.mark.parametrize("by_chance", [0.0, 0.2])
-def test_agreement_is_the_ratio_of_what_conditions_show_under_both(by_chance: float) -> None:
-    """By integrating over widths and the amount, numerically; two conditions that agree tell less than seven."""
-    amounts = np.array([0.9, 1.3, 0.8])
-    n, s = 3, float(amounts.std(ddof=1) / np.sqrt(3))
-    sigma = np.exp(np.linspace(-7, 5, 2401))
-    step = np.log(sigma[1] / sigma[0])
-
-    def under(scale: float, by: float, means: np.ndarray) -> np.ndarray:
-        scale = np.hypot(scale, by_chance * np.sqrt(n))
-        width = invgamma.pdf(sigma**2, by / 2, scale=by * scale**2 / 2) * 2 * sigma**2 * step
-        each = norm.pdf(amounts[:, None, None], means[None, :, None], sigma[None, None, :]).prod(axis=0)
-        return np.asarray((each * width).sum(axis=1))
-
-    means = np.linspace(-4, 6, 2001)
-    there = under(ALIKE, ALIKE_BY, means).sum() * (means[1] - means[0])
-    assert agreement(s, n, by_chance) == pytest.approx(
-        np.log(there / under(FOUND, FOUND_BY, np.zeros(1))[0]), abs=1e-3
-    )
-    assert 2.0 < agreement(0.1, 2) < agreement(0.1, 7)
-    assert agreement(0.6, 2) < 0 < agreement(0.2, 2)
-    assert agreement(0.25, 9) < 0 < 3 < agreement(0.25, 9, 0.2)  # a weak effect is as uncertain as that
-    # other lobes show as much of themselves under each lamp as a formula says
-    assert agreement(0.29, 9) < LIKELY < agreement(0.29, 9, alike=LOBES_ALIKE)
-    assert agreement(1.0, 9, alike=LOBES_ALIKE) < 0
 
 
 def test_what_is_called_needs_no_caution() -> None:
