@@ -20,14 +20,15 @@ AIRY_REACH = 8.0  # kernel radius in units of λN; the 2.5 % of light that lie o
 MOST_AIRY = 160  # px
 FAINT = 0.1  # of the light: edges between cells that differ by no more are left to straight lines
 RIM = 1e-4  # of the light, that one ring of a combined kernel may be left out with
+EVEN = 1e-6  # of a kernel's largest weight, that those across from each other differ by at most
 SEPARABLE_ERROR = 1e-3  # of a kernel's norm, that its sum of separable kernels may miss
 
 
 def each_channel(pixels: np.ndarray, kernels: Sequence[np.ndarray]) -> np.ndarray:
     """``pixels`` (H, W, C) convolved: every channel with its own kernel, or all with the only one.
 
-    Kernels (k, k), k odd, are point-symmetric. Where that is less work they are replaced by a sum of separable ones
-    (within ``SEPARABLE_ERROR``).
+    Kernels (k, k), k odd: the weight of what lies that far to the right and down. Where that is less work they are
+    replaced by a sum of separable ones (within ``SEPARABLE_ERROR``).
     """
     height, width, channels = pixels.shape
     pixels = np.ascontiguousarray(pixels, np.float32)
@@ -175,11 +176,14 @@ def _filter(data: bytes, shape: tuple[int, int]) -> np.ndarray | Terms:
 
 
 def _separable(data: bytes, shape: tuple[int, int]) -> Terms:
-    u, s, v = np.linalg.svd(np.frombuffer(data, np.float32).reshape(shape).astype(np.float64))
+    kernel = np.frombuffer(data, np.float32).reshape(shape).astype(np.float64)
+    u, s, v = np.linalg.svd(kernel)
     missed = np.sqrt(np.cumsum((s**2)[::-1])[::-1]) / np.linalg.norm(s)
     rank = max(1, int((missed > SEPARABLE_ERROR).sum()))
-    # a symmetric kernel's vectors are symmetric or antisymmetric, as OpenCV's fast paths want them to the last bit
-    terms = [(_even(u[:, i]) * np.sqrt(s[i]), _even(v[i]) * np.sqrt(s[i])) for i in range(rank)]
+    terms = [(u[:, i] * np.sqrt(s[i]), v[i] * np.sqrt(s[i])) for i in range(rank)]
+    if np.abs(kernel - kernel[::-1, ::-1]).max() < EVEN * kernel.max():
+        # its vectors are symmetric or antisymmetric, as OpenCV's fast paths want them to the last bit
+        terms = [(_even(column), _even(row)) for column, row in terms]
     scale = 1 / sum(c.sum() * r.sum() for c, r in terms)  # what the rest missed of the light
     return [((c * scale).astype(np.float32), r.astype(np.float32)) for c, r in terms]
 
@@ -348,20 +352,24 @@ def gaussian(sigma: float) -> np.ndarray:
     return np.ascontiguousarray(np.outer(g, g) / g.sum() ** 2, np.float32)
 
 
-def line(u: float, v: float) -> np.ndarray:
-    """(k, k) float32: a straight path of (u, v) px at constant speed, around its middle.
+def line(u: float, v: float, acceleration: float = 0.0) -> np.ndarray:
+    """(k, k) float32: a straight path of (u, v) px, around the mean of where it is, whose speed changes by a factor of
+    exp(``acceleration``) from its start to its end, evenly by its logarithm.
 
     Each place is shared between the five pixels a side around the nearest one by Lagrange's weights: moments to the
     fourth are the path's own, and a path shorter than a pixel blurs with the square of its length, as u² / 12 does.
     """
-    half = int(np.ceil(max(abs(u), abs(v)) / 2)) + 2
-    t = (np.arange(n := 64 * half) + 0.5) / n - 0.5
+    half = int(np.ceil(max(abs(u), abs(v)) * (1 if acceleration else 1 / 2))) + 2
+    t = (np.arange(n := 64 * half) + 0.5) / n
+    run = np.expm1(acceleration * t) / np.expm1(acceleration) if acceleration else t  # of the path
+    way = run.mean() - run  # from a pixel back to what is there now
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    (j, across), (i, down) = lagrange(u * t), lagrange(v * t)
+    (j, across), (i, down) = lagrange(u * way), lagrange(v * way)
     for a in range(5):
         for b in range(5):
             np.add.at(kernel, (i + half + a - 2, j + half + b - 2), down[a] * across[b])
-    kernel = (kernel + kernel[::-1, ::-1]) / 2
+    if not acceleration:
+        kernel = (kernel + kernel[::-1, ::-1]) / 2
     return (kernel / kernel.sum()).astype(np.float32)
 
 

@@ -96,6 +96,9 @@ class Sensor:
     )
     image_path: tuple[float, ...] = (0.0, 0.0)  # px that the image moves by in any exposure, columns and rows
     image_speed: tuple[float, ...] = (0.0, 0.0)  # px/s, of the same
+    image_acceleration: float = parameter(
+        0.0, "a", "1", -8, 8, "logarithm of both's speed at an exposure's end over that at its start"
+    )
     frame_rate: float = parameter(0.0, "f_p", "1/s", 0, 1e6, "frames a second; 0 is not set")
     demosaic: Demosaic = Demosaic.BILINEAR
     white_balance: Color = parameter((1, 1, 1), "w", "1", 0, 64, "gain of each channel's DN", Kind.COLOR)

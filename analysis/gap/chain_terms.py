@@ -14,7 +14,7 @@ import numpy as np
 from analysis.gap.conditions import Condition
 from analysis.gap.left import BENT, EDGED, SCATTERED, SMOOTH
 from analysis.gap.state import State
-from analysis.gap.subpixel_terms import PRODUCT, across, subpixel
+from analysis.gap.subpixel_terms import PRODUCT, UNEVENLY, across, subpixel, unevenly
 from analysis.gap.terms import NUISANCE, Field, Term
 from analysis.gap.uneven_blur import DRAWN, uneven
 from analysis.gap.uneven_optics import UnevenBlur
@@ -40,12 +40,13 @@ LEAST = {"veiling_glare": SCATTERED, "response_curve": BENT}  # of the signal
 # by, no sensor's
 MINOR = {
     "red_u": 0.2, "red_v": 0.2, "blue_u": 0.2, "blue_v": 0.2, "red3": 0.5, "blue3": 0.5,
-    "skew": 0.5, "gamma": 0.5,
+    "skew": 0.5, "gamma": 0.5, UNEVENLY: 0.3,
 }  # fmt: skip
 DELAY = "delay"  # of the exposure
 REDUNDANT = {
     ("white_balance", "green"),
     ("exposure", DELAY),
+    ("motion_blur", UNEVENLY),
 }  # with the exposure it is any other two; told apart below
 SEEN = 2e-6  # of the signal's rms: a parameter that changes less at its test step is not in the image
 RELATIVE_STEP, STEP = 0.01, 1e-3
@@ -120,6 +121,8 @@ def chain_terms(state: State, tolerances: Tolerances, exposures: Collection[floa
                     if finely
                     else _across(v, model)
                 )
+                if finely:
+                    found.append(_unevenly(v, float(getattr(model.of(state.camera), UNEVENLY))))
         found = [replace(t, spike=t.spike / np.sqrt(len(found))) if t.relative else t for t in found]
         blur = [t for t in found if (t.cause, t.parameter) == ("defocus", "blur")]
         more = [x for t in blur for x in uneven(t, state)]  # which may be all of a blur
@@ -244,6 +247,22 @@ def _across(down: Term, model: type[Effect]) -> Term:
         return np.asarray(both * np.float32(grown**2 / (2 * a * (u + np.copysign(a, u)))), np.float32)
 
     return replace(down, parameter=PRODUCT, unit="px^2", power=1, low=-np.inf, field=field)
+
+
+def _unevenly(down: Term, start: float) -> Term:
+    """How much faster a motion is at the end of its path than at the start."""
+    return replace(
+        down,
+        parameter=UNEVENLY,
+        unit="1",
+        power=1,
+        low=-np.inf,
+        field=unevenly,
+        start=start,
+        t_exp=0.0,
+        spike=down.spike * MINOR[UNEVENLY],
+        part=MINOR[UNEVENLY],
+    )
 
 
 def signed(values: dict[str, float]) -> dict[str, float]:

@@ -20,9 +20,10 @@ from interchange.effects.lateral_chromatic_aberration import LateralChromaticAbe
 from interchange.effects.motion_blur import MotionBlur
 from interchange.filtering import combined, convolve, gaussian, line
 
-# px: rms of a Gaussian, and the path's columns and rows; and how the Gaussian's variance differs over the image
-Blur = tuple[float, float, float, Slopes]
-SHARP: Blur = (0.0, 0.0, 0.0, EVEN)
+# px: rms of a Gaussian, the path's columns and rows; how much faster that is at its end, and how the Gaussian's
+# variance differs over the image
+Blur = tuple[float, float, float, float, Slopes]
+SHARP: Blur = (0.0, 0.0, 0.0, 0.0, EVEN)
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,12 @@ def blurred(plane: np.ndarray, blur: Blur, finer: int = 1) -> np.ndarray:
     if blur == SHARP:
         return plane
     sigma, u, v = (finer * x for x in blur[:3])
-    if blur[3].are_there:
-        plane, sigma = uneven(plane, blur[0], blur[3], finer), 0.0
+    faster, slopes = blur[3:]
+    if slopes.are_there:
+        plane, sigma = uneven(plane, blur[0], slopes, finer), 0.0
         if not (u or v):
             return plane
-    kernels = ([gaussian(sigma)] if sigma else []) + ([line(u, v)] if u or v else [])
+    kernels = ([gaussian(sigma)] if sigma else []) + ([line(u, v, faster)] if u or v else [])
     return convolve(np.ascontiguousarray(plane, np.float32), combined(kernels))
 
 
@@ -74,7 +76,9 @@ def told_apart(
     if channels != 3:
         lateral = LateralChromaticAberration()
     sigma, slopes = _with_discs(camera, defocus.blur, differing.slopes(camera))
-    optics = FineOptics(lateral, (sigma, *motion.path(camera), slopes if slopes.are_there else EVEN))
+    u, v = motion.path(camera)
+    faster = motion.acceleration if u or v else 0.0
+    optics = FineOptics(lateral, (sigma, u, v, faster, slopes if slopes.are_there else EVEN))
     if not optics.is_there:
         return optics, camera, list(effects)
     rest = [

@@ -3,6 +3,8 @@
 ∂S_c/∂p = -∇S_c · ∂d_c/∂p             a channel that lies d_c px aside
 ∂S/∂σ² = ½ (S_xx + S_yy)              a blur; exact at every σ for a Gaussian (the heat equation)
 ∂S/∂u² = S_xx / 24,  ∂S/∂(u v) = S_xy / 12     a straight path (u, v), whose covariance is u u' / 12
+
+How unevenly a path is run through shows by its cube (interchange.filtering.line): by differences, where there is one.
 """
 
 from collections import OrderedDict
@@ -22,6 +24,8 @@ from interchange.effects.motion_blur import MotionBlur
 from interchange.parameter import parameters
 
 PRODUCT = "u v"  # px²
+UNEVENLY = "acceleration"  # of a path
+FASTER = 0.5  # its step
 KEPT = 32  # derivatives, eight of them a camera
 ACROSS = 0.2  # of a path's square: what is as wide is no path
 SMALL = 1e-5  # of the difference that a channel's shift is told by
@@ -57,6 +61,18 @@ def across(t_exp: float) -> Field:
 def grown(s: State, t_exp: float) -> float:
     """A path at a condition's exposure, over that at ``t_exp``; 0: it is as long in every one."""
     return s.camera.t_exp / t_exp if t_exp else 1.0
+
+
+def unevenly(s: State) -> np.ndarray | None:
+    """A unit of the logarithm that the speed along a path grows by; None where there is no path yet."""
+    now = next((e for e in s.effects if isinstance(e, MotionBlur)), MotionBlur.of(s.camera))
+    if not any(now.path(s.camera)):
+        return None
+    others = [e for e in s.effects if not isinstance(e, MotionBlur)]
+    limits = parameters(MotionBlur)[UNEVENLY]
+    ends = [max(now.acceleration - FASTER, limits.low), min(now.acceleration + FASTER, limits.high)]
+    dn = [s.dn([*others, replace(now, acceleration=a)]) for a in ends]
+    return np.asarray(s.take((dn[1] - dn[0]) / np.float32(ends[1] - ends[0])), np.float32)
 
 
 def straight(terms: Sequence[Term], at: np.ndarray) -> np.ndarray:

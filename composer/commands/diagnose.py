@@ -94,7 +94,8 @@ def run(args: argparse.Namespace) -> int:
         )
 
     def told(name: str, p: Estimate) -> str:
-        return f"{name} = {p.value:.4g} ± {p.sigma:.2g} {p.unit}" if has_a_number(name) else name
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        return f"{name} = {p.value:.4g} ± {p.sigma:.2g}{unit}" if has_a_number(name) else name
 
     d = found.diagnosis
     write(args.out / "diagnosis.json", d)

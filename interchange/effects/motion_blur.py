@@ -5,12 +5,14 @@ shutter is open; where all light comes from one flash, the part of it that the f
 is of a scene that stands still. Exact, for paths that cross each other too, are renderings of moments
 (interchange.moments).
 
-A camera that moves or a web that runs past it gives one path to the whole image, straight and evenly run through:
+A camera that moves or a web that runs past it gives one straight path to the whole image:
 
     (u, v) + (speed_u, speed_v) · exposure time
 
-of which (u, v) is there in every exposure, as a vibration's is that is done with many times in each. A blur does not
-tell which way along its path the image runs: the rows of a rolling shutter lean by the pass alone.
+of which (u, v) is there in every exposure, as a vibration's is that is done with many times in each. Its speed may
+change on the way, as that of a machine does that sets off or settles: by a factor of exp(``acceleration``) from start
+to end, evenly by its logarithm, and the mean of the path stays where it is. A path at constant speed does not tell
+which way along it the image runs: the rows of a rolling shutter lean by the pass alone.
 """
 
 from dataclasses import dataclass, replace
@@ -47,12 +49,16 @@ class MotionBlur(Effect):
         v="sensor.image_path.1",
         speed_u="sensor.image_speed.0",
         speed_v="sensor.image_speed.1",
+        acceleration="sensor.image_acceleration",
     )
 
     u: float = parameter(0.0, "u", "px", -1e3, 1e3, "columns that the image moves during any exposure")
     v: float = parameter(0.0, "v", "px", -1e3, 1e3, "rows that the image moves during any exposure")
     speed_u: float = parameter(0.0, "u'", "px/s", -1e9, 1e9, "columns that the image moves a second")
     speed_v: float = parameter(0.0, "v'", "px/s", -1e9, 1e9, "rows that the image moves a second")
+    acceleration: float = parameter(
+        0.0, "a", "1", -8, 8, "logarithm of the speed at the path's end over that at its start"
+    )
     shutter: float = parameter(
         0.0, "s", "1", 0, 1e3, "exposure time over the time that pass motion stands for"
     )
@@ -69,7 +75,7 @@ class MotionBlur(Effect):
         pixels = image.pixels
         u, v = (self.u, self.v) if self._flashes(image) else self.path(camera)
         if u or v:
-            pixels = convolve(pixels, line(u, v))
+            pixels = convolve(pixels, line(u, v, self.acceleration))
         moved = np.zeros((*pixels.shape[:2], 2), np.float32)
         if self._has_pass(image):
             moved += np.nan_to_num(image.passes["motion"] * np.float32(self.shutter))
@@ -81,7 +87,7 @@ class MotionBlur(Effect):
         if self._has_pass(image) or self._flashes(image):
             return None
         u, v = self.path(camera)
-        return [line(u, v) if u or v else np.ones((1, 1), np.float32)]
+        return [line(u, v, self.acceleration) if u or v else np.ones((1, 1), np.float32)]
 
     def _has_pass(self, image: Image) -> bool:
         return bool(self.shutter) and "motion" in image.passes

@@ -57,6 +57,7 @@ ATTRIBUTES = (
     Attribute("sensor:exposureDelay", NAMES.Double, "sensor", "exposure_delay"),
     Attribute("sensor:imagePath", NAMES.DoubleArray, "sensor", "image_path"),
     Attribute("sensor:imageSpeed", NAMES.DoubleArray, "sensor", "image_speed"),
+    Attribute("sensor:imageAcceleration", NAMES.Double, "sensor", "image_acceleration"),
     Attribute("sensor:frameRate", NAMES.Double, "sensor", "frame_rate"),
     Attribute("sensor:demosaic", NAMES.Token, "sensor", "demosaic"),
     Attribute("sensor:whiteBalance", NAMES.Double3, "sensor", "white_balance"),

@@ -88,7 +88,7 @@ def test_a_blur_within_a_pixel_is_that_of_the_light(edge: float, sigma: float) -
     sharp, soft = State(condition), State(condition, [Defocus(blur=sigma)])
     want = blurred_edge(edge, sigma) - shown(edge).lamps[LAMP][4, :, 0]
     got = (soft.shown.lamps[LAMP] - sharp.shown.lamps[LAMP])[4, :, 0]
-    alone = (blurred(sharp.shown.lamps[LAMP], (sigma, 0, 0, EVEN)) - sharp.shown.lamps[LAMP])[4, :, 0]
+    alone = (blurred(sharp.shown.lamps[LAMP], (sigma, 0, 0, 0, EVEN)) - sharp.shown.lamps[LAMP])[4, :, 0]
     inner = slice(4, -4)
     missed, missed_alone = (np.linalg.norm((x - want)[inner]) for x in (got, alone))
     assert missed < 0.4 * np.linalg.norm(want[inner]) + 2e-3

@@ -108,11 +108,11 @@ def test_every_place_has_the_blur_that_is_its_own(sigma: float, slopes: Slopes) 
     edges = np.arange(finer * width) // 11 % 2 ^ np.arange(finer * height)[:, None] // 13 % 2
     plane = edges.astype(np.float32)[..., None]
     rms = np.sqrt(variances((height, width), sigma, slopes))
-    got = means(blurred(plane, (sigma, 0.0, 0.0, slopes), finer), finer)
+    got = means(blurred(plane, (sigma, 0.0, 0.0, 0.0, slopes), finer), finer)
     off, change = [], []
     for row, column in np.ndindex(height, width):
         if row % 9 == 4 and column % 7 == 3:
-            even = blurred(plane, (float(rms[row, column]), 0.0, 0.0, EVEN), finer)
+            even = blurred(plane, (float(rms[row, column]), 0.0, 0.0, 0.0, EVEN), finer)
             off.append(float((got - means(even, finer))[row, column, 0]))
             change.append(float((means(even - plane, finer))[row, column, 0]))
     assert np.abs(off).max() < 0.01

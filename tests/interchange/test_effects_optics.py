@@ -318,6 +318,38 @@ def test_an_image_that_runs_past_a_camera_blurs_with_the_exposure_time(t_exp):
     assert got == pytest.approx(want, abs=1e-3 * want.max())  # 64 steps along 6.8 px; a spot of σ = 3 px
 
 
+@pytest.mark.parametrize("acceleration", [-3.0, 1.0, 2.5])
+def test_a_path_that_is_run_through_ever_faster_is_where_its_moments_are(acceleration):
+    """6 px to the right and 2 px up while the speed grows by exp(a): against the mean over moments, whose place solves
+    x' ~ exp(a t); around the mean of its places, and no path the other way."""
+    c = replace(
+        CAMERA, sensor=replace(CAMERA.sensor, image_path=(6.0, -2.0), image_acceleration=acceleration)
+    )
+    times = (np.arange(400) + 0.5) / 400
+    run = np.cumsum(np.exp(acceleration * times))
+    run = run / run[-1] - np.mean(run / run[-1])
+    want = np.mean([blobs([(50 + 6 * x, 40 - 2 * x)]).pixels for x in run], axis=0)
+    got = MotionBlur.of(c).apply(blobs([(50, 40)]), c, None).pixels
+    assert got == pytest.approx(want, abs=1e-3)
+    back = replace(MotionBlur.of(c), acceleration=-acceleration).apply(blobs([(50, 40)]), c, None).pixels
+    assert np.abs(back - want).max() > 20e-3
+
+
+@pytest.mark.parametrize("acceleration", [-2.0, 4.0])
+def test_an_accelerated_path_has_its_own_moments(acceleration):
+    """Mean, variance and third moment of 5 px, by quadrature."""
+    kernel = line(5.0, 0.0, acceleration).sum(axis=0)
+    place = -(np.arange(len(kernel)) - len(kernel) // 2)  # a weight is of what lies that far to the right
+
+    def run(t):
+        return 5 * np.expm1(acceleration * t) / np.expm1(acceleration)
+
+    mean = quad(run, 0, 1)[0]
+    for power in (1, 2, 3):
+        want = quad(lambda t, n=power: (run(t) - mean) ** n, 0, 1)[0]
+        assert (kernel * place**power).sum() == pytest.approx(want, abs=2e-3)  # 256 steps and more
+
+
 def test_a_flash_lights_its_part_of_the_way_alone():
     """A web at 3000 px/s, 4 ms of exposure, lit for 1 ms of it from 0.5 ms on: 3 px, 3 px behind the middle."""
     c = replace(CAMERA, t_exp=0.004, sensor=replace(CAMERA.sensor, image_speed=(3000.0, 0.0)))

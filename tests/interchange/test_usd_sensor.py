@@ -58,6 +58,7 @@ SENSOR = Sensor(
     exposure_delay=1.4e-5,
     image_path=(0.7, -0.31),
     image_speed=(431.0, -57.1),
+    image_acceleration=0.23,
     frame_rate=41.7,
     demosaic="edge_aware",
     white_balance=(1.91, 1.0, 1.47),
