@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 LEVELS = (16, 8, 4, 2)  # pixels along a side of what is taken together
 LEAST = 4  # pixels along a side that a level has
 STEPS = 5  # of each level, at most
-TURNING = 8  # level from which on objects do not turn
+TURNING, RISING = 8, 4  # levels from which on objects do not turn, and neither rise nor sink
 PARTS = (1.0, 0.4)  # of a step that are tried
 LONGER = (2.0, 4.0)  # times a step, as long as they are better
 NEAR = 0.5  # units, times the level: a shorter step is the next level's
@@ -72,9 +72,11 @@ def approaches(search: "Search", causes: dict[Cause, np.ndarray]) -> list[Approa
     return sorted(found, key=lambda a: -a.gain)
 
 
-def approached_beside(search: "Search", causes: dict[Cause, np.ndarray], first: Approach) -> Approach | None:
+def approached_beside(
+    search: "Search", causes: dict[Cause, np.ndarray], first: Approach, least: float = 0.0
+) -> Approach | None:
     """Which of ``causes`` explains most beside ``first``, both followed from where that ended, over fine levels
-    alone; None where there is none."""
+    alone; None where there is none, or a step further explains less than ``least`` of what ``first`` leaves."""
     levels = _levels(search)[-FINE:]
     both = {
         c: np.sort(np.concatenate([causes[first.cause], i])) for c, i in causes.items() if c != first.cause
@@ -83,6 +85,12 @@ def approached_beside(search: "Search", causes: dict[Cause, np.ndarray], first: 
         return None
     gains = _gains(search, levels, both, first.at)
     cause = max(gains, key=lambda c: gains[c])
+    if least:
+        pair, own = both[cause], {first.cause: causes[first.cause]}
+        alone = _gains(search, levels[-1:], own, first.at)[first.cause]
+        together = _gains(search, levels[-1:], {cause: pair}, first.at)[cause]
+        if together - alone < least * (_left(search, levels[-1], first.at) - alone):
+            return None
     return _descended(search, levels, cause, both[cause], first.at)
 
 
@@ -134,9 +142,8 @@ def _descended(
                     break
             else:
                 break
-            for more in (
-                LONGER if part == PARTS[0] else ()
-            ):  # an edge's slope is less than the way that it has to go
+            # an edge's slope is less than the way that it has to go
+            for more in LONGER if part == PARTS[0] else ():
                 further = search.within(at + more * step, index)
                 there = _tried(search, level, further)
                 if there >= left:
@@ -153,7 +160,7 @@ def _descended(
 
 def _sliding(search: "Search", index: np.ndarray, n: int) -> np.ndarray:
     """What is followed at a level: an object that sinks out of sight leaves no way back."""
-    held = ("z",) if n < TURNING else ("z", "rx", "ry", "rz")
+    held = ("z", "rx", "ry", "rz") if n >= TURNING else ("z",) if n >= RISING else ()
     return np.array(
         [i for i in index if search.terms[i].cause != "object_pose" or search.terms[i].parameter not in held]
     )

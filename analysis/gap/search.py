@@ -36,6 +36,7 @@ ROUNDS, MOVES = 3, 2
 REGISTRATIONS, REFINEMENTS = 2, 4
 MOST_RENDERED = 2  # causes of a hypothesis that are drawn where they stand: those that are furthest away
 FAR = 1.0  # steps, from which on a difference of direct light may not be all
+BESIDE = 0.1  # of what one thing leaves: a second that explains less, a step further, is none
 RIVAL = 0.5  # of what the nearest explains: what explains less is no start
 PLACES = 10  # to a step where the scene may stand, so that renderings are found again
 SHORTEST = 0.2  # part of a step
@@ -128,6 +129,10 @@ class Search:
         found = {c.name: x for c, x in zip(self.conditions, self._each(of), strict=True) if x}
         return [parts for parts, _ in found.values()], {name: drawn for name, (_, drawn) in found.items()}
 
+    def has_no_name(self, h: Hypothesis) -> bool:
+        """Whether something of a hypothesis has none."""
+        return any(t.generic for t in self.terms if t.candidate in h.causes)
+
     def may_move(self, best: Hypothesis) -> bool:
         """Whether it has what changes edges, or what has no name: things that stand elsewhere look like that."""
         return any(t.generic or t.kind in ("flow", "scene") for t in self.terms if t.candidate in best.causes)
@@ -141,12 +146,17 @@ class Search:
 
     def beside(self, first: Stand, one: Start, stand: Stand) -> Start | None:
         """Two things that stand elsewhere, as neither alone comes near to where it is: where ``stand``, which ``one``
-        led to, has another with a name beside it."""
+        led to, has another with a name beside it; or something without one, and another explains much of that."""
         (cause,) = one.hypothesis.causes
-        rigid = {c: i for c, i in self._moving(first).items() if c[0] in RIGID and c in stand.best.causes}
-        if cause not in rigid or len(rigid) < 2:
+        rigid = {c: i for c, i in self._moving(first).items() if c[0] in RIGID}
+        named = {c: i for c, i in rigid.items() if c in stand.best.causes}
+        if cause in named and len(named) > 1:
+            rigid, least = named, 0.0
+        elif cause in rigid and self.has_no_name(stand.best):
+            least = BESIDE
+        else:
             return None
-        found = approached_beside(self, rigid, Approach(cause, one.at, 0.0))
+        found = approached_beside(self, rigid, Approach(cause, one.at, 0.0), least)
         return None if found is None else Start(first.evidence.best((cause, found.cause), {}), found.at)
 
     def _moving(self, stand: Stand) -> dict[Cause, np.ndarray]:

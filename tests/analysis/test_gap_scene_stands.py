@@ -17,7 +17,7 @@ from analysis.gap.knot_terms import TILTS, knot_terms, standing, together
 from analysis.gap.knots import MANY, Knots
 from analysis.gap.model import Model
 from analysis.gap.reach import cropped, region
-from analysis.gap.search import Search
+from analysis.gap.search import BESIDE, Search
 from analysis.gap.sensitivities import sensitivities
 from analysis.gap.state import State
 from interchange.captures import Tolerances
@@ -237,13 +237,10 @@ def test_an_object_that_lies_far_away_is_approached(few, knots, rasterizer) -> N
     assert at["rz"] == pytest.approx(far.rz, abs=30)
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("coarser")
-def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, rasterizer) -> None:
-    """By 4 px and 2 px. Alone the object goes a part of the camera's way too, 3.6 mm aside; beside it it comes to where
-    it lies within a quarter of a px."""
+def approached_by(found, rasterizer, knots, lies: ObjectPose, stands: CameraPose):
+    """The search, its rigid causes, and where the bracket alone comes to that ``lies`` elsewhere while the first camera
+    ``stands`` elsewhere."""
     eye = found[0].camera.name
-    lies, stands = ObjectPose(x=8.0, y=-5.0), CameraPose(rx=-5.0, ry=4.0)
     rng = np.random.default_rng(5)
     captured = []
     for c in found:
@@ -264,18 +261,40 @@ def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, ra
             members.setdefault(term.candidate, []).append(i)
     causes = {c: np.array(i) for c, i in members.items()}
     one = next(a for a in approaches(search, causes) if a.cause == ("object_pose", BRACKET))
-    both = approached_beside(search, causes, one)
+    return search, causes, one
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("coarser")
+def test_a_camera_that_is_off_is_found_beside_an_object_that_is(found, knots, rasterizer) -> None:
+    """By 4 px and 2 px. Alone the object goes a part of the camera's way too, 3.6 mm aside; beside it it comes to where
+    it lies within a quarter of a px, though nothing says yet that there is a second."""
+    lies = ObjectPose(x=8.0, y=-5.0)
+    search, causes, one = approached_by(found, rasterizer, knots, lies, CameraPose(rx=-5.0, ry=4.0))
+    both = approached_beside(search, causes, one, BESIDE)
     assert both is not None
     assert both.cause[0] == "camera_pose"
-    assert both.cause[1].startswith(eye)
+    assert both.cause[1].startswith(found[0].camera.name)
 
     def off(at: np.ndarray) -> float:
-        told = {terms[i].parameter: at[i] for i in members[one.cause]}
+        told = {search.terms[i].parameter: at[i] for i in causes[one.cause]}
         return float(np.hypot(told["x"] - lies.x, told["y"] - lies.y))
 
     assert off(one.at) > 2
     assert off(both.at) < 0.5
     assert approached_beside(search, {one.cause: causes[one.cause]}, one) is None
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("coarser")
+def test_beside_an_object_that_alone_is_off_no_camera_is(found, knots, rasterizer) -> None:
+    """Tilted by 60 mrad and 2 mm higher as well: cameras explain less than a tenth of what its last steps leave."""
+    lies = ObjectPose(x=8.0, y=-5.0, z=2.0, ry=60.0)
+    search, causes, one = approached_by(found, rasterizer, knots, lies, CameraPose())
+    assert approached_beside(search, causes, one, BESIDE) is None
+    told = {search.terms[i].parameter: one.at[i] for i in causes[one.cause]}
+    assert told["x"] == pytest.approx(lies.x, abs=1.0)
+    assert told["z"] == pytest.approx(lies.z, abs=1.0)
 
 
 def test_an_image_too_small_for_means_has_nothing_to_approach(found, knots) -> None:
