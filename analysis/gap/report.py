@@ -16,6 +16,7 @@ from analysis.gap.ledger import NOISE, Share
 from analysis.gap.rehearsal import Rehearsal
 from analysis.gap.report_pictures import gap_map, shown, waterfall
 from analysis.gap.report_words import (
+    beneath,
     grounds,
     interval,
     kinds,
@@ -149,7 +150,7 @@ def _pictures(found: Diagnosed, k: int) -> dict[str, np.ndarray]:
 
 
 def _effect(f: Finding, found: Diagnosed) -> str:
-    rows = "".join(_parameter(f.name, n, p) for n, p in f.parameters.items())
+    rows = "".join(_parameter(f.name, n, p, beneath(f, n)) for n, p in f.parameters.items())
     head = "<tr><th>parameter</th><th class=n>value</th><th class=n>σ</th><th>95 %</th><th></th></tr>"
     table = f"<table>{head}{rows}</table>"
     mark = why(kinds(f))
@@ -172,11 +173,11 @@ def _effect(f: Finding, found: Diagnosed) -> str:
     )
 
 
-def _parameter(effect: str, name: str, p: Estimate) -> str:
+def _parameter(effect: str, name: str, p: Estimate, shown: str) -> str:
     if not has_a_number(name):
-        return f"<tr><td>{html.escape(name)}</td><td class=n>yes</td><td></td><td></td><td></td></tr>"
+        return f"<tr><td>{html.escape(shown)}</td><td class=n>yes</td><td></td><td></td><td></td></tr>"
     return (
-        f"<tr><td>{html.escape(name)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
+        f"<tr><td>{html.escape(shown)}</td><td class=n>{number(p.value, p.sigma)}</td><td class=n>± {p.sigma:.2g}</td>"
         f"<td>{interval(effect, name, p)}</td>"
         f"<td>{html.escape('' if p.unit == '1' else p.unit)}</td></tr>"
     )

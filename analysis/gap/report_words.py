@@ -89,6 +89,12 @@ def number(value: float, sigma: float) -> str:
     return f"{value:.{min(digits, 8)}f}"
 
 
+def beneath(f: Finding, parameter: str) -> str:
+    """What a parameter is called beneath a heading that says what ``f`` is about."""
+    about = f.cameras or f.targets
+    return parameter.removeprefix(f"{about[0]} ") if len(about) == 1 else parameter
+
+
 def interval(effect: str, name: str, found: Estimate) -> str:
     """A parameter's 95 % interval, as far as it lies within what the catalogue lets the parameter be."""
     about = parameters(MODELS[effect]).get(name.split()[-1]) if effect in MODELS else None

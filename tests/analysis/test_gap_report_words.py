@@ -14,6 +14,7 @@ from analysis.gap.findings import _targets
 from analysis.gap.report import _verification
 from analysis.gap.report_words import (
     ALONE,
+    beneath,
     evidence,
     grounds,
     interval,
@@ -32,6 +33,16 @@ def _fit(instead: float) -> Any:
     of = SimpleNamespace
     best = of(score=10.0, causes=(("defocus", ""),))
     return of(best=best, hypotheses=[best, of(score=instead, causes=(("motion_blur", ""),))])
+
+
+def test_a_parameter_is_not_told_again_what_it_is_of() -> None:
+    """Beneath the heading of one camera its numbers alone; beneath that of two lamps each says whose it is."""
+    one: Any = SimpleNamespace(cameras=("Camera1 at (330, -260, 440) mm",), targets=())
+    two: Any = SimpleNamespace(cameras=(), targets=("LED0", "LED1"))
+    every: Any = SimpleNamespace(cameras=(), targets=())
+    assert beneath(one, "Camera1 at (330, -260, 440) mm tx") == "tx"
+    assert beneath(two, "LED0 x") == "LED0 x"
+    assert beneath(every, "a2") == "a2"
 
 
 @pytest.mark.parametrize(

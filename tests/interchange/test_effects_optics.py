@@ -331,6 +331,9 @@ def test_a_path_that_is_run_through_ever_faster_is_where_its_moments_are(acceler
     want = np.mean([blobs([(50 + 6 * x, 40 - 2 * x)]).pixels for x in run], axis=0)
     got = MotionBlur.of(c).apply(blobs([(50, 40)]), c, None).pixels
     assert got == pytest.approx(want, abs=1e-3)
+    still = replace(c, sensor=replace(c.sensor, image_path=(0.0, 0.0)))
+    seen, whole = (expose(blobs([(50, 40)]), x, until=Quantity.IRRADIANCE).pixels for x in (c, still))
+    assert seen / whole.max() == pytest.approx(want, abs=2e-3)  # as a camera takes it, with its other optics
     back = replace(MotionBlur.of(c), acceleration=-acceleration).apply(blobs([(50, 40)]), c, None).pixels
     assert np.abs(back - want).max() > 20e-3
 
