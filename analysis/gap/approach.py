@@ -85,13 +85,23 @@ def approached_beside(
         return None
     gains = _gains(search, levels, both, first.at)
     cause = max(gains, key=lambda c: gains[c])
-    if least:
-        pair, own = both[cause], {first.cause: causes[first.cause]}
-        alone = _gains(search, levels[-1:], own, first.at)[first.cause]
-        together = _gains(search, levels[-1:], {cause: pair}, first.at)[cause]
-        if together - alone < least * (_left(search, levels[-1], first.at) - alone):
-            return None
+    if least and not any(_hides(search, level, first, causes, both[cause], least) for level in levels):
+        return None
     return _descended(search, levels, cause, both[cause], first.at)
+
+
+def _hides(
+    search: "Search",
+    level: _Level,
+    first: Approach,
+    causes: dict[Cause, np.ndarray],
+    both: np.ndarray,
+    least: float,
+) -> bool:
+    """Whether a step of ``both`` explains, beyond one of ``first``, ``least`` of what that leaves or more."""
+    gains = _gains(search, [level], {("", ""): both, first.cause: causes[first.cause]}, first.at)
+    alone = gains[first.cause]
+    return gains["", ""] - alone >= least * (_left(search, level, first.at) - alone)
 
 
 def _gains(

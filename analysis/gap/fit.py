@@ -257,7 +257,8 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             both = search.beside(first, start, stand)
             if both is not None:
                 two = search.followed(first, both, f"{what}, two things", stands, 1)
-                stand = two if two.is_its_own and two.best.score > stand.best.score else stand
+                may = two.is_its_own or not stand.is_its_own  # that is not goes on to where it leads
+                stand = two if may and two.best.score > stand.best.score else stand
             if _clear(first, stand) and may_redraw and search.far(stand):
                 return [*stands, stand]  # the renderer goes on from there
             stand = search.gone_on(stand, what, stands)
