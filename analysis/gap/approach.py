@@ -85,23 +85,24 @@ def approached_beside(
         return None
     gains = _gains(search, levels, both, first.at)
     cause = max(gains, key=lambda c: gains[c])
-    if least and not any(_hides(search, level, first, causes, both[cause], least) for level in levels):
+    ways = {first.cause: causes[first.cause], cause: both[cause]}
+    if least and not any(_explains(search, level, first, cause, ways, least) for level in levels):
         return None
     return _descended(search, levels, cause, both[cause], first.at)
 
 
-def _hides(
+def _explains(
     search: "Search",
     level: _Level,
     first: Approach,
-    causes: dict[Cause, np.ndarray],
-    both: np.ndarray,
+    cause: Cause,
+    ways: dict[Cause, np.ndarray],
     least: float,
 ) -> bool:
-    """Whether a step of ``both`` explains, beyond one of ``first``, ``least`` of what that leaves or more."""
-    gains = _gains(search, [level], {("", ""): both, first.cause: causes[first.cause]}, first.at)
+    """Whether a step of both, ``ways[cause]``, explains ``least`` or more of what one of ``first`` leaves."""
+    gains = _gains(search, [level], ways, first.at)
     alone = gains[first.cause]
-    return gains["", ""] - alone >= least * (_left(search, level, first.at) - alone)
+    return gains[cause] - alone >= least * (_left(search, level, first.at) - alone)
 
 
 def _gains(

@@ -257,7 +257,7 @@ def _followed(search: Search, first: Stand, may_redraw: bool) -> list[Stand]:
             both = search.beside(first, start, stand)
             if both is not None:
                 two = search.followed(first, both, f"{what}, two things", stands, 1)
-                may = two.is_its_own or not stand.is_its_own  # that is not goes on to where it leads
+                may = two.is_its_own or not stand.is_its_own  # else it is a way on, as that is
                 stand = two if may and two.best.score > stand.best.score else stand
             if _clear(first, stand) and may_redraw and search.far(stand):
                 return [*stands, stand]  # the renderer goes on from there

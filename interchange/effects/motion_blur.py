@@ -11,7 +11,8 @@ A camera that moves or a web that runs past it gives one straight path to the wh
 
 of which (u, v) is there in every exposure, as a vibration's is that is done with many times in each. Its speed may
 change on the way, as that of a machine does that sets off or settles: by a factor of exp(``acceleration``) from start
-to end, evenly by its logarithm, and the mean of the path stays where it is. A path at constant speed does not tell
+to end, evenly by its logarithm, and the mean of the path stays where it is; what a flash lights of it runs at constant
+speed. A path at constant speed does not tell
 which way along it the image runs: the rows of a rolling shutter lean by the pass alone.
 """
 
