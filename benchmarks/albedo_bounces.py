@@ -1,4 +1,4 @@
-"""How reflected light grows with an albedo: what analysis.gap.bounced tells, and the path tracer's difference.
+"""How reflected light grows with an albedo: what analysis.gap.terms.bounced tells, and the path tracer's difference.
 
     python benchmarks/albedo_bounces.py captures.json MATERIAL [--cache DIR]
 
@@ -15,10 +15,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from analysis.gap.bounced import STEP, growth
-from analysis.gap.conditions import conditions
-from analysis.gap.radiance import render_all
+from analysis.gap.compared.conditions import conditions
+from analysis.gap.light.radiance import render_all
 from analysis.gap.renderers import renderer
+from analysis.gap.terms.bounced import STEP, growth
 from interchange.effects.albedo import Albedo
 from interchange.formats import captures
 from interchange.formats.document import open_scene

@@ -19,10 +19,10 @@ sys.path.insert(0, str(ROOT))
 
 import numpy as np  # noqa: E402
 
-from analysis.gap import views  # noqa: E402
-from analysis.gap.expected import expected  # noqa: E402
-from analysis.gap.radiance import render_all  # noqa: E402
+from analysis.gap.light import views  # noqa: E402
+from analysis.gap.light.radiance import render_all  # noqa: E402
 from analysis.gap.renderers import renderer  # noqa: E402
+from analysis.gap.sensor.expected import expected  # noqa: E402
 from interchange.filtering import edges, resample, resample_cells  # noqa: E402
 from interchange.formats.document import open_scene  # noqa: E402
 

@@ -19,10 +19,10 @@ os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")
 import cv2
 import numpy as np
 
-from analysis.gap.code_findings import with_steps
-from analysis.gap.conditions import Condition, conditions
-from analysis.gap.overlap import with_files_bits
-from analysis.gap.radiance import render_all
+from analysis.gap.compared.conditions import Condition, conditions
+from analysis.gap.light.radiance import render_all
+from analysis.gap.noise.codes import with_steps
+from analysis.gap.processed.overlap import with_files_bits
 from analysis.gap.renderers import renderer
 from interchange.formats import captures
 from interchange.formats.document import open_scene

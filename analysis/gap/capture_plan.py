@@ -21,19 +21,19 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from analysis.gap.advice import separating
-from analysis.gap.chain_terms import chain_terms, dark_current, shutter_delay
-from analysis.gap.conditions import Condition
-from analysis.gap.expected import expected
-from analysis.gap.geometry_terms import geometry_terms, moved_objects
-from analysis.gap.light_terms import light_terms, shaded
-from analysis.gap.material_terms import material_terms
-from analysis.gap.named import arrangement
-from analysis.gap.normal_equations import equations, stride_for
+from analysis.gap.compared.conditions import Condition
+from analysis.gap.compared.state import State
+from analysis.gap.judgement.advice import separating
+from analysis.gap.light.named import arrangement
+from analysis.gap.light.radiance import Render, Rendered, render_all
 from analysis.gap.parallel import each
-from analysis.gap.radiance import Render, Rendered, render_all
-from analysis.gap.state import State
-from analysis.gap.terms import NUISANCE, Term
+from analysis.gap.sensor.expected import expected
+from analysis.gap.terms.base import NUISANCE, Term
+from analysis.gap.terms.chain import chain_terms, dark_current, shutter_delay
+from analysis.gap.terms.geometry import geometry_terms, moved_objects
+from analysis.gap.terms.light import light_terms, shaded
+from analysis.gap.terms.material import material_terms
+from analysis.gap.terms.normal_equations import equations, stride_for
 from interchange.camera import Camera
 from interchange.captures import Capture, Tolerances
 from interchange.formats.document import Document
@@ -42,7 +42,7 @@ from interchange.problems import BrightfieldError
 from interchange.scene import Scene
 
 SEVERITY = 0.01  # rms of an effect over the signal
-ENOUGH = 9.0  # margin of log Z: odds of 20 at the temper of analysis.gap.evidence
+ENOUGH = 9.0  # margin of log Z: odds of 20 at the temper of analysis.gap.evidence.likelihood
 FULL = 0.7  # of the highest DN, for the brightest part of a capture
 DIM = 0.1  # of the highest DN: what stays below that in its brightest part tells little
 LONGEST = 10.0  # s: nobody waits longer, and what a sensor gathers in the dark would fill it

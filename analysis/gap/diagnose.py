@@ -9,36 +9,37 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gap.anew import Anew, rendered_anew
-from analysis.gap.attribution import Told, attribution, claimed, errors_alone, waterfall
-from analysis.gap.beforehand import Beforehand, beforehand
-from analysis.gap.calling import confirmed, less_what_is_slight, no_worse
-from analysis.gap.caution import KNOWN
-from analysis.gap.code_findings import without_flat_tops
-from analysis.gap.conditions import Condition
-from analysis.gap.detectable import detectable
-from analysis.gap.diagnosis import PRESENT, Diagnosis
-from analysis.gap.findings import beside_unknown, effects_found, noise_effect, what_is_unknown
-from analysis.gap.fit import Fit, Redraw, fit
-from analysis.gap.knots import Knots
-from analysis.gap.ledger import temporal_scale
-from analysis.gap.lines import without_lines
-from analysis.gap.metric import Measure, measured
-from analysis.gap.noise import WEIGHING, noise_findings, with_black_level, with_noise
-from analysis.gap.noise_finding import NoiseFinding
+from analysis.gap.compared.conditions import Condition
+from analysis.gap.corrected.written import written
+from analysis.gap.diagnosis import Diagnosis
+from analysis.gap.evidence.caution import KNOWN
+from analysis.gap.evidence.sureness import TEMPERATURE, cooled
+from analysis.gap.finding import PRESENT
+from analysis.gap.judgement.attribution import Told, attribution, claimed, errors_alone, waterfall
+from analysis.gap.judgement.calling import confirmed, less_what_is_slight, no_worse
+from analysis.gap.judgement.detectable import detectable
+from analysis.gap.judgement.findings import beside_unknown, effects_found, noise_effect, what_is_unknown
+from analysis.gap.judgement.rehearsing import rehearse
+from analysis.gap.judgement.verdict import Simulations, verdict
+from analysis.gap.judgement.verify import verified
+from analysis.gap.judgement.where import edge_offsets, ledger_of
+from analysis.gap.light.knots import Knots
+from analysis.gap.light.radiance import Render, Rendered, render_all
+from analysis.gap.light.reflections import Reflections
+from analysis.gap.measures.ledger import temporal_scale
+from analysis.gap.measures.metric import Measure, measured
+from analysis.gap.measures.shape_left import shape_left
+from analysis.gap.measures.shrinkage import yardstick
+from analysis.gap.measures.structure import twin_off
+from analysis.gap.noise.codes import without_flat_tops
+from analysis.gap.noise.finding import NoiseFinding
+from analysis.gap.noise.variance import WEIGHING, noise_findings, with_black_level, with_noise
 from analysis.gap.notes import notes
 from analysis.gap.parallel import one_thread
-from analysis.gap.radiance import Render, Rendered, render_all
-from analysis.gap.reflections import Reflections
-from analysis.gap.rehearsing import rehearse
-from analysis.gap.shape_left import shape_left
-from analysis.gap.shrinkage import yardstick
-from analysis.gap.structure import twin_off
-from analysis.gap.sureness import TEMPERATURE, cooled
-from analysis.gap.verdict import Simulations, verdict
-from analysis.gap.verify import verified
-from analysis.gap.where import edge_offsets, ledger_of
-from analysis.gap.written import written
+from analysis.gap.processed.beforehand import Beforehand, beforehand
+from analysis.gap.search.anew import Anew, rendered_anew
+from analysis.gap.search.fit import Fit, Redraw, fit
+from analysis.gap.terms.lines import without_lines
 from interchange.captures import Captures
 from interchange.formats.document import Document
 
@@ -73,12 +74,14 @@ def diagnose(
 ) -> Diagnosed:
     """The diagnosis of ``captures``; the corrected scene is written to ``out``.
 
-    ``render`` draws a scene as ``settings`` say (analysis.gap.radiance); ``cache``: where renderings are kept.
+    ``render`` draws a scene as ``settings`` say (analysis.gap.light.radiance); ``cache``: where renderings are kept.
     ``told(what, share)`` hears how far each part is. ``verify`` renders the held-out captures anew from the written
-    corrected scene (analysis.gap.verify). ``metric``: a name and a measure of images (analysis.gap.metric.load).
-    ``rehearsals``: cases simulated from the scene that probabilities are calibrated on (analysis.gap.rehearsing).
-    ``binning``: pixels across that are taken as one (analysis.gap.binned.times_binned: how many they ask for).
-    Raises BrightfieldError where captures and scene do not belong together.
+    corrected scene (analysis.gap.judgement.verify). ``metric``: a name and a measure of images
+    (analysis.gap.measures.metric.load).
+    ``rehearsals``: cases simulated from the scene that probabilities are calibrated on
+    (analysis.gap.judgement.rehearsing).
+    ``binning``: pixels across that are taken as one (analysis.gap.processed.binned.times_binned: how many they ask
+    for). Raises BrightfieldError where captures and scene do not belong together.
     """
     began = time.monotonic()
 

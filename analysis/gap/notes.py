@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.gap import aperture
-from analysis.gap.attribution import CATALOGUED
-from analysis.gap.conditions import Condition
-from analysis.gap.diagnosis import PRESENT
-from analysis.gap.encoded import Encoding
-from analysis.gap.findings import JPEG, cautious
-from analysis.gap.fit import Fit
-from analysis.gap.ledger import Ledger
-from analysis.gap.matrices import Matrix
-from analysis.gap.noise_finding import NoiseFinding
-from analysis.gap.overlap import notes_on_files, shifts
-from analysis.gap.scales import UNDECLARED
+from analysis.gap.compared.conditions import Condition
+from analysis.gap.evidence.scales import UNDECLARED
+from analysis.gap.finding import PRESENT
+from analysis.gap.judgement.attribution import CATALOGUED
+from analysis.gap.judgement.findings import JPEG, cautious
+from analysis.gap.measures.ledger import Ledger
+from analysis.gap.noise.finding import NoiseFinding
+from analysis.gap.processed.encoded import Encoding
+from analysis.gap.processed.matrices import Matrix
+from analysis.gap.processed.overlap import notes_on_files, shifts
+from analysis.gap.search.fit import Fit
+from analysis.gap.terms import aperture
 from interchange.effects.parts import called
 
 SLIGHTLY = 1.5  # times a tolerance that nobody need look after

@@ -5,7 +5,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 
-from analysis.gap.radiance import Paths, Render
+from analysis.gap.light.radiance import Paths, Render
 from interchange.camera import Camera
 from interchange.image import Image
 from interchange.scene import Scene
@@ -22,8 +22,9 @@ Renderer = tuple[Render, dict[str, Any]]
 @contextmanager
 def renderer(name: str, samples: int = 0, reflected: bool = True, binning: int = 1) -> Iterator[Renderer]:
     """The renderer, and what decides its image. ``samples`` of each of the sensor's pixels, of which ``binning`` x
-    ``binning`` are one (analysis.gap.binned) that has as much less noise; 0 takes as many as a diagnosis needs. The
-    rasteriser draws no ``reflected`` light: with it, paths tell how much there would be, as a pass of its own."""
+    ``binning`` are one (analysis.gap.processed.binned) that has as much less noise; 0 takes as many as a diagnosis
+    needs. The rasteriser draws no ``reflected`` light: with it, paths tell how much there would be, as a pass of its
+    own."""
     samples = (samples or SAMPLES[name]) * binning**2
     with _cycles(samples) if name == "offline" else _rasterizer(samples, reflected) as found:
         yield found

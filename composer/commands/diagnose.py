@@ -54,14 +54,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from analysis.gap import metric
-    from analysis.gap.binned import times_binned
     from analysis.gap.diagnose import diagnose
-    from analysis.gap.diagnosis import Estimate, write
-    from analysis.gap.encoded import has_a_number
+    from analysis.gap.diagnosis import write
+    from analysis.gap.finding import Estimate
+    from analysis.gap.measures import metric
+    from analysis.gap.processed.binned import times_binned
+    from analysis.gap.processed.encoded import has_a_number
     from analysis.gap.renderers import renderer
-    from analysis.gap.report import write_report
-    from analysis.gap.report_words import lacking, sentence
+    from analysis.gap.report.page import write_report
+    from analysis.gap.report.words import lacking, sentence
     from interchange.formats import captures as captures_file
     from interchange.formats.document import open_scene
 

@@ -101,7 +101,7 @@ def _capture_options(p: argparse.ArgumentParser) -> None:
 
 
 def _capture(args: argparse.Namespace) -> dict[str, Any]:
-    from analysis.gap.radiance import Paths
+    from analysis.gap.light.radiance import Paths
     from analysis.gap.renderers import renderer
     from analysis.series.capture import capture
     from analysis.series.specimens import SPECIMENS

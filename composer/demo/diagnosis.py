@@ -9,8 +9,8 @@ import numpy as np
 from analysis.gap.diagnose import Diagnosed, diagnose
 from analysis.gap.diagnosis import write
 from analysis.gap.renderers import renderer
-from analysis.gap.report import write_report
-from analysis.gap.report_words import sentence
+from analysis.gap.report.page import write_report
+from analysis.gap.report.words import sentence
 from composer.demo import pictures
 from interchange.captures import Captures
 from interchange.formats.document import open_scene

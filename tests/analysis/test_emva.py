@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.emva import characterise, level
-from analysis.gap.left import BENT
+from analysis.gap.terms.left import BENT
 from composer.cli import main
 from interchange.camera import Camera, Lens, Sensor
 from interchange.exposure import expose

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.gap.sureness import cooled
+from analysis.gap.evidence.sureness import cooled
 from benchmarks.blind.results import Answer
 from benchmarks.blind.temperature import anew
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.gap.conditions import conditions
+from analysis.gap.compared.conditions import conditions
 from composer.commands.demo import ASSETS
 from composer.demo.diagnosis import CAPTURES, Shown
 from composer.demo.make import _diagnosis, make

@@ -12,7 +12,7 @@ from interchange.blas import SETTING, THREADS, choose_kernels, kernels_for
 AVX2 = {"sse4_2", "avx", "avx2", "fma"}
 AVX512 = AVX2 | {"avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl", "amx_tile"}
 PACKAGES = (
-    "analysis.gap.evidence",
+    "analysis.gap.evidence.likelihood",
     "composer.cli",
     "interchange.image",
     "offline.settings",

@@ -280,7 +280,7 @@ def test_light_comes_while_a_flash_is_on(
 
 
 def test_a_diagnosis_takes_each_captures_own_share(tmp_path: Path) -> None:
-    from analysis.gap.conditions import conditions
+    from analysis.gap.compared.conditions import conditions
     from interchange.captures import Capture, Captures
 
     lamp = replace(LAMP, strobe=Strobe(0, 2e-4, 5e-3, 8.0))

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.bounced import STEP, Blocks, _depends, _footprint, _kernel, growth
-from analysis.gap.radiance import Rendered, render_all
+from analysis.gap.light.radiance import Rendered, render_all
 from analysis.gap.renderers import renderer
+from analysis.gap.terms.bounced import STEP, Blocks, _depends, _footprint, _kernel, growth
 from interchange.brdf.lambert import Lambert
 from interchange.camera import Projection
 from interchange.light import Light, LightKind

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.gap.radiance import render_all
+from analysis.gap.light.radiance import render_all
 from analysis.gap.renderers import renderer
 from interchange.brdf.lambert import Lambert
 from interchange.effects.ambient_light import AXES, AmbientLight

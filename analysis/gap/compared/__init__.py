@@ -1,0 +1,1 @@
+"""Captures put together, and each condition of theirs as the model stands."""

@@ -1,0 +1,1 @@
+"""What was found, written into the scene."""

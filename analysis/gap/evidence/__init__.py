@@ -1,0 +1,1 @@
+"""Which causes there are: marginal likelihoods, priors, and how far they are to be believed."""

@@ -1,0 +1,1 @@
+"""Light as it is rendered, lamp by lamp and once: what captures are simulated from."""

@@ -1,0 +1,1 @@
+"""Effects that move no mean image: noise, fixed patterns, hot pixels, codes."""

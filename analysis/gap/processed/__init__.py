@@ -1,0 +1,1 @@
+"""What cameras and files did to captures before they came here, told and taken back."""

@@ -1,0 +1,1 @@
+"""Where hypotheses stand: followed from the scene as written to where they come nearest to the captures."""

@@ -1,0 +1,1 @@
+"""What may be wrong, a number each and the DN that a unit of it adds: tolerances, effects, families without a name."""
