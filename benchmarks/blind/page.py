@@ -147,14 +147,15 @@ def table(labels: Sequence[dict[str, Any]], answers: dict[str, Answer]) -> str:
         line(f"outside the catalogue, {100 * s:g} %: flagged unknown", some, lambda x, a: a.unknown)
         line(f"outside the catalogue, {100 * s:g} %: and no effect called", some, lambda x, a: right(x, a))
     stress = by.get("stress", [])
-    still = [x for x in stress if not x["effects"]]
-    line("undeclared errors: false alarm, any effect or unknown", still, lambda x, a: alarmed(a))
-    line(
-        "undeclared errors: false alarm, an effect with p > 0.5",
-        still,
-        lambda x, a: a.failed or bool(a.named),
-    )
-    line("undeclared errors: exact", [x for x in stress if x["effects"]], lambda x, a: right(x, a))
+    filtered = {x["case"] for x in stress if x["filter"] != "box"}
+    for word, of in (
+        ("errors twice as large as declared", [x for x in stress if x["case"] not in filtered]),
+        ("another filter of pixels", [x for x in stress if x["case"] in filtered]),
+    ):
+        still = [x for x in of if not x["effects"]]
+        line(f"{word}: false alarm, any effect or unknown", still, lambda x, a: alarmed(a))
+        line(f"{word}: false alarm, an effect with p > 0.5", still, lambda x, a: a.failed or bool(a.named))
+        line(f"{word}: exact", [x for x in of if x["effects"]], lambda x, a: right(x, a))
     line("noise alone, exact", by.get("noise", []), lambda x, a: right(x, a, True))
     line("confident (p > 0.9) and wrong, all cases", labels, lambda x, a: bool(confidently_wrong(x, a)))
     line("no answer", labels, lambda x, a: a.failed)
