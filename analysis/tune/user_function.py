@@ -15,10 +15,7 @@ points (column, row), an array (H, W) of bool or labels is blobs; a gauge takes 
 with analysis.tune.found.Circle, Line or Place and returns one such, or None. A subclass of Algorithm may be named too.
 """
 
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable
 from dataclasses import make_dataclass
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
@@ -29,38 +26,18 @@ import numpy as np
 from analysis.tune.algorithms.base import Algorithm
 from analysis.tune.algorithms.template_match import Pattern
 from analysis.tune.found import Blobs, Circle, Edges, Found, Line, Place
+from analysis.users_own import users_own
 from interchange.parameter import Parameter, parameter
-from interchange.problems import BrightfieldError, did_you_mean
+from interchange.problems import BrightfieldError
 
 KINDS = {"edges": Edges, "blobs": Blobs}
 
 
 def load(name: str, finds: str = "") -> type[Algorithm]:
     """The algorithm ``module:name``, the working directory being searched first. Raises BrightfieldError."""
-    module, _, word = name.partition(":")
-    if not module or not word:
-        raise BrightfieldError(f'An algorithm of your own must be named "module:function"; got "{name}".')
-    here = os.getcwd()
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        loaded = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        own = error.name in (module, module.split(".")[0])
-        missing = "is not there" if own else f"needs {error.name}, which is not"
-        raise BrightfieldError(
-            f'The module "{module}" {missing}; it is looked for in {here} and in PYTHONPATH.'
-        ) from None
-    except Exception as error:  # the user's own file may raise anything
-        raise BrightfieldError(
-            f'The module "{module}" cannot be imported: {type(error).__name__}: {error}.'
-        ) from None
-    found = getattr(loaded, word, None)
+    found = users_own(name, "An algorithm of your own")
     if isinstance(found, type) and issubclass(found, Algorithm):
         return found
-    if not callable(found):
-        known = [n for n, x in vars(loaded).items() if callable(x) and not n.startswith("_")]
-        raise BrightfieldError(f'The module "{module}" has no function "{word}".{did_you_mean(word, known)}')
     return of_function(found, name)
 
 

@@ -4,12 +4,9 @@ A function ``image -> number`` or ``(image, camera) -> number``; ``image`` (H, W
 interchange.camera.Camera with the capture's exposure.
 """
 
-import importlib
 import inspect
 import math
 import numbers
-import os
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from analysis.gap.compared.conditions import Condition
+from analysis.users_own import users_own
 from interchange.camera import Camera
-from interchange.problems import BrightfieldError, did_you_mean
+from interchange.problems import BrightfieldError
 
 Measure = Callable[[np.ndarray, Camera], float]
 
@@ -51,33 +49,7 @@ def load(name: str) -> Measure:
 
     Raises BrightfieldError where there is none, or where it takes neither one nor two arguments.
     """
-    module, colon, function = name.partition(":")
-    if not colon or not module or not function:
-        raise BrightfieldError(f'A metric must be named "module:function"; got "{name}".')
-    here = os.getcwd()
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        loaded = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        missing = (
-            "is not there"
-            if error.name in (module, module.split(".")[0])
-            else f"needs {error.name}, which is not"
-        )
-        raise BrightfieldError(
-            f'The metric\'s module "{module}" {missing}; it is looked for in {here} and in PYTHONPATH.'
-        ) from None
-    except Exception as error:  # the user's own file may raise anything
-        raise BrightfieldError(
-            f'The metric\'s module "{module}" cannot be imported: {type(error).__name__}: {error}.'
-        ) from None
-    found = getattr(loaded, function, None)
-    if not callable(found):
-        known = [n for n, x in vars(loaded).items() if callable(x) and not n.startswith("_")]
-        hint = did_you_mean(function, known)
-        raise BrightfieldError(f'The module "{module}" has no function "{function}".{hint}')
-    return _with_camera(found, name)
+    return _with_camera(users_own(name, "A metric"), name)
 
 
 def _with_camera(function: Callable[..., Any], name: str) -> Measure:
