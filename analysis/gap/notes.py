@@ -43,6 +43,7 @@ def notes(
         *_encoded(encodings),
         *_mixed(mixed),
         *_refuted(fitted),
+        *_tolerated(fitted),
         *(taken_back(n.name) for n in forged),
         *(note for n in judged if n.probability >= PRESENT for note in n.notes),
         *cautious(fitted),
@@ -98,6 +99,16 @@ def _refuted(fitted: Fit) -> list[str]:
         f"The captures that were fitted to speak for {name.replace('_', ' ')}{of}; those held out are simulated better "
         f"without it, so it is taken back."
         for name, of in ((n, f" of {called(target)}" if target else "") for n, target in fitted.refuted)
+    ]
+
+
+def _tolerated(fitted: Fit) -> list[str]:
+    if not fitted.tolerated or not fitted.best.causes:
+        return []
+    return [
+        f"Captures that were held out show errors of the calibration that the others hardly show, as a lamp does that "
+        f"lights little of what is seen there: with those errors, as large as tolerances make likely, the effects "
+        f"leave a chi of {fitted.tolerated:.3g} there. What is told of them is told without."
     ]
 
 

@@ -9,6 +9,7 @@ from analysis.gap.compared.conditions import Condition
 from analysis.gap.evidence.caution import left_over
 from analysis.gap.finding import PRESENT
 from analysis.gap.judgement.attribution import called, lacking
+from analysis.gap.judgement.tolerated import within_tolerances
 from analysis.gap.measures.shrinkage import Images, Yardstick, yardstick
 from analysis.gap.noise.finding import NoiseFinding
 from analysis.gap.parallel import each
@@ -85,7 +86,9 @@ def no_worse(fitted_to: Sequence[Condition], fitted: Fit) -> Fit:
 def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
     """Without any cause where all that is called makes the held-out captures surely worse than the file at its best
     does, or than the file as written: what calibration may be off by was fitted beside them. Captures that would not
-    show it either way, as a lamp's that is off in all of them, say nothing of it."""
+    show it either way, as a lamp's that is off in all of them, say nothing of it; nor do those that are no worse with
+    than without it once calibration is as they show it too, as far as captures that were fitted to leave that open
+    (analysis.gap.judgement.tolerated)."""
     kept = called(fitted)
     if not kept:
         return fitted
@@ -96,6 +99,9 @@ def upheld(fitted: Fit, held: Sequence[Condition], by: Yardstick) -> Fit:
         return fitted
     if not any(_surely_worse(by, after, other, drift) for other in (before, written)):
         return fitted
+    without, told = (within_tolerances(fitted, held, causes).simulations(held) for causes in ((), kept))
+    if not any(_surely_worse(by, told, other, drift) for other in (without, written)):
+        return replace(fitted, tolerated=by.chi2(told) ** 0.5)
     nothing = fitted.best.of(())
     return replace(
         fitted,

@@ -75,6 +75,7 @@ class Fit:
     )  # share beyond what was expected, probability that it has a cause
     anew: Anew = field(default_factory=Anew)  # what captures were rendered anew with
     refuted: tuple[Cause, ...] = ()  # by captures that were held out
+    tolerated: float = 0.0  # χ of those where calibration is as they show it too; 0 where nobody asked
     factors: dict[str, float] = field(default_factory=dict)  # of tolerances that are not as declared
     severity: dict[Cause, np.ndarray] = field(
         default_factory=dict

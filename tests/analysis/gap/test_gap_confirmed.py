@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.gap.evidence.likelihood import Hypothesis
+from analysis.gap.judgement import calling
 from analysis.gap.judgement.calling import KEPT, as_written_if_better, confirmed, taken_off, upheld
 from analysis.gap.measures.shrinkage import Yardstick
 from analysis.gap.search.fit import Fit
@@ -54,6 +55,14 @@ class Standing:
 
     def simulations(self, conditions: Iterable[object]) -> list[np.ndarray]:
         return [self.dn for _ in conditions]
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What captures that were fitted to leave open of the calibration is told by real ones (test_gap)."""
+    monkeypatch.setattr(
+        calling, "within_tolerances", lambda fitted, held, causes: fitted.after if causes else fitted.before
+    )
 
 
 def standing(first: Standing, second: Standing, *causes: tuple[str, str]) -> Fit:
@@ -119,6 +128,20 @@ def test_causes_that_are_worse_than_the_file_as_written_are_none() -> None:
     assert found.refuted == (EFFECT,)
     by.conditions[0].simulated = lambda: SimpleNamespace(dn=capture + 7)
     assert upheld(fitted, by.conditions, by) is fitted
+
+
+def test_a_cause_is_not_to_blame_for_what_fitted_captures_leave_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As fitted they are 8 and 6 DN off, as held-out captures show the calibration too, 1 DN: χ² is 1 + (1 / 5)²."""
+    by, _, _ = claimed(1.0)
+    capture = by.conditions[0].captures[0].pixels
+    by.conditions[0].simulated = lambda: SimpleNamespace(dn=capture + 4)
+    fitted = standing(Standing(capture + 8), Standing(capture + 6), EFFECT)
+    told = Standing(capture + 1), Standing(capture + 1)
+    monkeypatch.setattr(calling, "within_tolerances", lambda fitted, held, causes: told[bool(causes)])
+    found = upheld(fitted, by.conditions, by)
+    assert found.best.causes == (EFFECT,)
+    assert (found.before, found.after) == (fitted.before, fitted.after)
+    assert found.tolerated == pytest.approx(1 / SIGMA)
 
 
 def test_captures_that_show_nothing_of_a_cause_do_not_refute_it() -> None:
