@@ -106,9 +106,9 @@ def _tolerated(fitted: Fit) -> list[str]:
     if not fitted.tolerated or not fitted.best.causes:
         return []
     return [
-        f"Captures that were held out show errors of the calibration that the others hardly show, as a lamp does that "
-        f"lights little of what is seen there: with those errors, as large as tolerances make likely, the effects "
-        f"leave a chi of {fitted.tolerated:.3g} there. What is told of them is told without."
+        f"The held-out captures show errors of the calibration that the others hardly show, as of a lamp that lights "
+        f"little of what those see. With such errors as well, within their tolerances, the effects leave a chi of "
+        f"{fitted.tolerated:.3g} there; all other figures are without them."
     ]
 
 
