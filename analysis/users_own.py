@@ -3,6 +3,7 @@
 import importlib
 import os
 import sys
+import traceback
 from typing import Any
 
 from interchange.problems import BrightfieldError, did_you_mean
@@ -28,9 +29,11 @@ def users_own(name: str, what: str) -> Any:
             f'The module "{module}" {missing}; it is looked for in {here} and in PYTHONPATH.'
         ) from None
     except Exception as error:  # the user's own file may raise anything
+        at = traceback.extract_tb(error.__traceback__)[-1]
         raise BrightfieldError(
-            f'The module "{module}" cannot be imported: {type(error).__name__}: {error}.'
-        ) from None
+            f'The module "{module}" cannot be imported: {type(error).__name__}: {error} '
+            f"({at.filename}, line {at.lineno})."
+        ) from error
     found = getattr(loaded, word, None)
     if not callable(found):
         known = [n for n, x in vars(loaded).items() if callable(x) and not n.startswith("_")]

@@ -7,6 +7,7 @@ import numpy as np
 from analysis.gap.compared.conditions import Condition
 from analysis.gap.evidence.scales import UNDECLARED
 from analysis.gap.finding import PRESENT
+from analysis.gap.judgement import attribution
 from analysis.gap.judgement.attribution import CATALOGUED
 from analysis.gap.judgement.findings import JPEG, cautious
 from analysis.gap.measures.ledger import Ledger
@@ -103,7 +104,7 @@ def _refuted(fitted: Fit) -> list[str]:
 
 
 def _tolerated(fitted: Fit) -> list[str]:
-    if not fitted.tolerated or not fitted.best.causes:
+    if not fitted.tolerated or not attribution.called(fitted):
         return []
     return [
         f"The held-out captures show errors of the calibration that the others hardly show, as of a lamp that lights "

@@ -1,11 +1,13 @@
 """Held-out captures keep an effect by how much of what it claims there they show."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from analysis.gap import notes
 from analysis.gap.evidence.likelihood import Hypothesis
 from analysis.gap.judgement import calling
 from analysis.gap.judgement.calling import KEPT, as_written_if_better, confirmed, taken_off, upheld
@@ -142,6 +144,8 @@ def test_a_cause_is_not_to_blame_for_what_fitted_captures_leave_open(monkeypatch
     assert found.best.causes == (EFFECT,)
     assert (found.before, found.after) == (fitted.before, fitted.after)
     assert found.tolerated == pytest.approx(1 / SIGMA)
+    assert "a chi of 0.2 there" in notes._tolerated(found)[0]
+    assert not notes._tolerated(replace(found, probability={EFFECT: 0.1}))  # nothing is called in the end
 
 
 def test_captures_that_show_nothing_of_a_cause_do_not_refute_it() -> None:
